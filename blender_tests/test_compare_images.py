@@ -9,7 +9,7 @@ import re
 import bpy
 import numpy
 from matterfit import native
-from matterfit.io import blender_cameras, image_comparison, takes
+from matterfit.io import blender_cameras, image_comparison, job_captures, takes
 from matterfit.props.compare import store
 from matterfit.ui import compare as compare_panel
 from support import needs_library
@@ -130,15 +130,27 @@ class PosedCamerasTest(ImagesCase):
         camera = bpy.data.collections["clip"].objects[0]
         before, lens = camera.matrix_world.copy(), camera.data.lens
         pose = {"shift": [0.1, -0.2, 0.3], "turn": [0.1, 0.2, -0.3], "focal": 0.05}
-        blender_cameras.pose_cameras(self.scene, "clip", [pose])
-        bpy.context.view_layer.update()
-        place = native.capture_summary(path, {"cameras": path, "poses": [pose]})["places"][0]
-        expected = numpy.array(place["matrix"])
-        expected[:3, 3] *= 2.0
-        numpy.testing.assert_allclose(numpy.array(camera.matrix_world), expected, atol=1e-5)
-        self.assertAlmostEqual(camera.data.lens, lens * 1.05, places=4)
-
         capture = self.settings.captures[0]
+        capture.poses = json.dumps([pose])
+        options = {"cameras": path, "poses": [pose]}
+
+        def stands_as_told():
+            bpy.context.view_layer.update()
+            expected = numpy.array(native.capture_summary(path, options)["places"][0]["matrix"])
+            expected[:3, 3] *= 2.0
+            numpy.testing.assert_allclose(numpy.array(camera.matrix_world), expected, atol=1e-5)
+
+        capture.location, capture.rotation = (0.2, 0.4, -0.6), (0.3, -0.2, 0.1)
+        options["transform"] = job_captures.placement(capture, 0.5)
+        stands_as_told()
+        self.assertAlmostEqual(camera.data.lens, lens * 1.05, places=4)
+        capture.unit, capture.up = "CM", "-Y"
+        bpy.ops.matterfit.check_capture()
+        options.update(unit="cm", up="-y")
+        stands_as_told()
+        capture.unit, capture.up, capture.location, capture.rotation = "AUTO", "AUTO", (0, 0, 0), (0, 0, 0)
+        bpy.ops.matterfit.check_capture()
+
         capture.poses = json.dumps([POSES[1]])
         bpy.ops.matterfit.forget_poses()
         bpy.context.view_layer.update()

@@ -224,7 +224,7 @@ def part_package():
 BETWEEN = ["test_register", "test_panels", "test_document", "test_operators"]
 WHOLE = list(VERSIONS)[-1]
 # Minutes of the library's own work, which are the same in each version.
-IN_ONE_VERSION = ["test_filling", "test_resolution", "test_estimate"]
+IN_ONE_VERSION = ["test_filling", "test_resolution", "test_estimate", "test_cancel", "test_fit_native"]
 
 
 def part_bpy():

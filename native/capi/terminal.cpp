@@ -41,7 +41,7 @@ std::string outline_text(const Json& silhouettes) {
   std::string text;
   for (const char* key : {"fitted", "held_out"}) {
     const Json& part = silhouettes.at(key);
-    if (!part.is_object()) continue;
+    if (!part.contains("iou")) continue;
     text += text.empty() ? "" : "; ";
     text += std::string(key) == "held_out" ? "held out" : "fitted";
     text += fmt::format(" IoU {:.4f}", part.at("iou").get<double>());
@@ -103,7 +103,11 @@ std::string fit_text(const Json& fit) {
 /// How well a simulation's outlines agree with one capture by images.
 std::string images_text(const Json& images) {
   const auto name = images.at("name").get<std::string>();
-  if (!images.contains("iou")) return name + ": no image lies in the scene's frames";
+  if (!images.contains("iou")) {
+    const bool empty = images.contains("empty");
+    return name + (empty ? ": no image shows the body, in the recording or the simulation"
+                         : ": no image lies in the scene's frames");
+  }
   std::string text = fmt::format("{}: IoU {:.3f} in {} images", name, images["iou"].get<double>(),
                                  images["images"].dump());
   if (images["contour_px"].is_number()) {

@@ -13,15 +13,22 @@ namespace matterfit::capture {
 /// A matte of a body by its colour, for images that have none. A colour's chroma is its difference
 /// from its own mean; `s` is how much of the key's chroma a pixel has (1: all of it; a pixel that
 /// the body covers by a third, before grey, has 1/3). Alpha rises from 0 at range[0] to 1 at
-/// range[1]; a pixel whose chroma points elsewhere than the key's, by more than 45°, has none.
+/// range[1]; a pixel whose chroma points elsewhere than the key's, by more than 45°, has none. What
+/// is brighter than the key has to have as much more chroma: a bright wall with a tint is not a
+/// dark body. At the body's edge the chroma of what is around it counts as none.
 struct ColourKey {
   Vec3d colour = Vec3d::Zero();             ///< sRGB, 0 to 1; not grey
   std::array<double, 2> range{0.25, 0.75};  ///< of s
 };
 
-/// Alpha of each pixel, 0 to 255, row-major; of the regions that it makes, pixels above ½ that
-/// share an edge, only the largest is kept. Throws Error(kInput) for a grey key or a range that
-/// does not rise.
-[[nodiscard]] std::vector<std::uint8_t> keyed_matte(const Bitmap& image, const ColourKey& key);
+struct KeyedMatte {
+  std::vector<std::uint8_t> alpha;  ///< of each pixel, 0 to 255, row-major
+  double kept = 1.0;                ///< share of the body's pixels that the largest region has
+};
+
+/// Of the regions of the body, pixels above ½ that share an edge, only the largest is kept, and
+/// the pixels beside it. Throws Error(kInput) for a grey key or a range that does not
+/// rise.
+[[nodiscard]] KeyedMatte keyed_matte(const Bitmap& image, const ColourKey& key);
 
 }  // namespace matterfit::capture

@@ -158,10 +158,9 @@ std::array<std::vector<std::uint8_t>, 3> planes(const Bitmap& bitmap) {
 }
 
 /// `colours`: where they go; null: they are not asked for.
-std::vector<std::uint8_t> read_matte(const CameraSet& set, const Shot& shot,
-                                     const std::vector<CleanPlate>& plates,
-                                     const ImageClipOptions& options,
-                                     std::array<std::vector<std::uint8_t>, 3>* colours) {
+KeyedMatte read_matte(const CameraSet& set, const Shot& shot, const std::vector<CleanPlate>& plates,
+                      const ImageClipOptions& options,
+                      std::array<std::vector<std::uint8_t>, 3>* colours) {
   const bool own = !options.key && plates.empty() && !shot.mask.empty();
   const fs::path file = set.folder / (own ? shot.mask : shot.image);
   const splat::Camera& camera = set.cameras[shot.camera];
@@ -170,7 +169,7 @@ std::vector<std::uint8_t> read_matte(const CameraSet& set, const Shot& shot,
     *colours = planes(own ? read_sized(set.folder / shot.image, camera) : bitmap);
   }
   if (options.key) return keyed_matte(bitmap, *options.key);
-  if (!plates.empty()) return plates[shot.camera].matte(bitmap);
+  if (!plates.empty()) return {plates[shot.camera].matte(bitmap)};
   if (!own && !bitmap.has_alpha) {
     throw_input(
         file.string() +
@@ -178,7 +177,7 @@ std::vector<std::uint8_t> read_matte(const CameraSet& set, const Shot& shot,
         "Add one, or give the body's colour as the capture's 'key', or images without the body "
         "as its 'plate'.");
   }
-  return coverage(bitmap);
+  return {coverage(bitmap)};
 }
 
 /// Refuses what cannot be a matte; true where it is empty.
@@ -224,7 +223,36 @@ void state_missing(const ImageClip& clip, const std::vector<std::size_t>& count,
     if (count[k] == clip.times.size()) continue;
     statements.push_back(clip.source + ": camera " + std::to_string(k) + " has " +
                          std::to_string(count[k]) + " images of " +
-                         std::to_string(clip.times.size()) + " times; the others are left out.");
+                         std::to_string(clip.times.size()) + " times; none is made up for.");
+  }
+}
+
+/// What is odd about a camera's mattes.
+struct OddMattes {
+  std::size_t empty = 0;
+  std::string first_empty;
+  double kept = 1.0;  ///< KeyedMatte::kept of the image where it is least
+  std::string least;
+};
+
+void state_mattes(const ImageClip& clip, const std::vector<OddMattes>& odd,
+                  const std::vector<std::size_t>& count, std::vector<std::string>& statements) {
+  constexpr double kMostlyOthers = 0.5;
+  for (std::size_t k = 0; k < odd.size(); ++k) {
+    const OddMattes& of = odd[k];
+    if (of.empty > 0) {
+      statements.push_back(
+          fmt::format("{}: camera {}: the mattes of {} of its {} images are empty, {} the first; "
+                      "the body is taken to be out of them.",
+                      clip.source, k, of.empty, count[k], of.first_empty));
+    }
+    if (of.kept < kMostlyOthers) {
+      statements.push_back(fmt::format(
+          "{}: camera {}: the key takes several regions, of which the largest is the matte; in {} "
+          "it is {:.0f} % of what it takes. Look whether it is the body; another colour, or a "
+          "narrower 'range', tells it from the rest.",
+          clip.source, k, of.least, 100.0 * of.kept));
+    }
   }
 }
 
@@ -293,6 +321,7 @@ ImageClip read_image_clip(const fs::path& cameras, const ImageClipOptions& optio
   }
   std::size_t empty = 0;
   std::vector<std::size_t> count(clip.cameras.size(), 0);
+  std::vector<OddMattes> odd(clip.cameras.size());
   for (const auto& [place, i] : shots) {
     if (interrupter != nullptr) interrupter->check();
     const Shot& shot = set.shots[i];
@@ -300,11 +329,17 @@ ImageClip read_image_clip(const fs::path& cameras, const ImageClipOptions& optio
     sight.frame = place.first;
     sight.camera = place.second;
     sight.image = shot.image;
-    sight.matte =
+    KeyedMatte made =
         read_matte(set, shot, plates, options, options.colours ? &sight.colours : nullptr);
+    sight.matte = std::move(made.alpha);
+    OddMattes& of_camera = odd[sight.camera];
+    if (made.kept < of_camera.kept) {
+      of_camera.kept = made.kept;
+      of_camera.least = shot.image;
+    }
     if (is_empty(sight.matte, shot.image)) {
       ++empty;
-      statements.push_back(shot.image + ": its matte is empty; the body is taken to be out of it.");
+      if (of_camera.empty++ == 0) of_camera.first_empty = shot.image;
     }
     const auto& lens = lenses[sight.camera];
     if (lens) {
@@ -317,8 +352,15 @@ ImageClip read_image_clip(const fs::path& cameras, const ImageClipOptions& optio
     take(clip, std::move(sight));
   }
   if (empty == shots.size()) {
-    throw_input(clip.source + ": all mattes are empty: no image shows the body.");
+    throw_input(clip.source + ": all mattes are empty: " +
+                (options.key ? "no image has a region of the colour of 'key'. Take the colour from "
+                               "the body in an image, or widen 'range'."
+                 : !plates.empty()
+                     ? "no image differs from its clean plate. Is 'plate' without the "
+                       "body, and its 'threshold' not too high?"
+                     : "no image shows the body."));
   }
+  state_mattes(clip, odd, count, statements);
   state_missing(clip, count, statements);
   return clip;
 }

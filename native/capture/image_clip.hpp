@@ -58,7 +58,7 @@ struct ClipPlates {
 struct ImageClipOptions {
   std::filesystem::path images;  ///< folder of the images; empty: as read_cameras() finds it
   double unit = 1.0;             ///< metres per unit of the cameras
-  char up = 'z';                 ///< axis of the cameras' world that points up: 'x', 'y' or 'z'
+  char up = 'z';  ///< axis of the cameras' world that points up, as TracksOptions has it
   Eigen::Matrix4d transform = Eigen::Matrix4d::Identity();  ///< after unit and up; a similarity
   /// Frames per second; 0: the times that the file says. Else images of one camera follow each
   /// other by their time or, where the file says none, by the number in their name.

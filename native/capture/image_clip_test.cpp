@@ -237,8 +237,10 @@ TEST_F(ImageClipTest, WhatIsMissingOrEmptyIsStated) {
   CameraSet set = two_cameras(3);
   set.shots.pop_back();
   (void)read(set, [&] { write_image(folder_ / "c0_1.png", 0); });
-  EXPECT_THAT(statements_, ElementsAre(HasSubstr("c0_1.png: its matte is empty"),
-                                       HasSubstr("camera 1 has 2 images of 3 times")));
+  EXPECT_THAT(
+      statements_,
+      ElementsAre(HasSubstr("camera 0: the mattes of 1 of its 3 images are empty, c0_1.png the "),
+                  HasSubstr("camera 1 has 2 images of 3 times")));
 }
 
 TEST_F(ImageClipTest, WhatIsBrokenIsNamed) {

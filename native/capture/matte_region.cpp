@@ -3,6 +3,8 @@
 
 #include <algorithm>
 #include <cstddef>
+#include <cstdlib>
+#include <numeric>
 
 namespace matterfit::capture {
 namespace {
@@ -11,7 +13,7 @@ constexpr std::uint8_t kHalf = 128;
 
 }  // namespace
 
-void keep_largest_region(std::vector<std::uint8_t>& matte, int width, int height) {
+double keep_largest_region(std::vector<std::uint8_t>& matte, int width, int height) {
   std::vector<int> region(matte.size(), -1);
   std::vector<std::size_t> sizes;
   std::vector<std::size_t> open;
@@ -42,7 +44,7 @@ void keep_largest_region(std::vector<std::uint8_t>& matte, int width, int height
   }
   if (sizes.empty()) {
     std::fill(matte.begin(), matte.end(), std::uint8_t{0});
-    return;
+    return 1.0;
   }
   const auto largest =
       static_cast<int>(std::max_element(sizes.begin(), sizes.end()) - sizes.begin());
@@ -52,6 +54,26 @@ void keep_largest_region(std::vector<std::uint8_t>& matte, int width, int height
     each_neighbour(i, [&](std::size_t next) { beside = beside || region[next] == largest; });
     if (!beside || region[i] >= 0) matte[i] = 0;
   }
+  const std::size_t all = std::accumulate(sizes.begin(), sizes.end(), std::size_t{0});
+  return double(sizes[std::size_t(largest)]) / double(all);
+}
+
+std::vector<int> distances_from(const std::vector<std::uint8_t>& region, int width, int height,
+                                int most) {
+  const auto w = static_cast<std::size_t>(width);
+  std::vector<int> distances(region.size(), most + 1);
+  for (int y = 0; y < height; ++y) {
+    for (int x = 0; x < width; ++x) {
+      if (region[std::size_t(y) * w + std::size_t(x)] < kHalf) continue;
+      for (int j = std::max(0, y - most); j <= std::min(height - 1, y + most); ++j) {
+        for (int i = std::max(0, x - most); i <= std::min(width - 1, x + most); ++i) {
+          int& own = distances[std::size_t(j) * w + std::size_t(i)];
+          own = std::min(own, std::max(std::abs(i - x), std::abs(j - y)));
+        }
+      }
+    }
+  }
+  return distances;
 }
 
 }  // namespace matterfit::capture

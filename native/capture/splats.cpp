@@ -10,6 +10,7 @@
 #include <cctype>
 #include <cmath>
 #include <cstddef>
+#include <string_view>
 #include <utility>
 
 #include "base/error.hpp"
@@ -149,6 +150,23 @@ Splats kept_of(const Splats& splats, const Keep& keep) {
   return kept;
 }
 
+[[noreturn]] void refuse_kind(const std::filesystem::path& path, const std::string& what) {
+  const std::string name = path.filename().string();
+  throw_input(name + ": " + what +
+              " not read. Convert it to PLY, for instance with PlayCanvas' splat-transform: "
+              "splat-transform " +
+              name + " " + path.stem().string() +
+              (ending_of(path) == ".ply" ? "_plain.ply" : ".ply"));
+}
+
+/// Whether a PLY holds a chunk's numbers in 32 bits each.
+bool is_packed(std::span<const std::byte> bytes) {
+  constexpr std::size_t kHeader = 4096;
+  const std::string_view text(reinterpret_cast<const char*>(bytes.data()),
+                              std::min(bytes.size(), kHeader));
+  return text.starts_with("ply") && text.find("packed_position") != std::string_view::npos;
+}
+
 }  // namespace
 
 Splats parse_splats(std::span<const std::byte> bytes, const std::string& name) {
@@ -170,13 +188,11 @@ Splats read_splats(const std::filesystem::path& path) {
   const std::string ending = ending_of(path);
   if (ending == ".splat") return parse_dot_splat(read_file(path), name);
   if (ending == ".spz") return parse_spz(read_file(path), name);
-  if (ending == ".ksplat" || ending == ".sog") {
-    throw_input(name + ": " + ending +
-                " files are not read. Convert it to PLY, for instance with PlayCanvas' "
-                "splat-transform: splat-transform " +
-                name + " " + path.stem().string() + ".ply");
-  }
-  return parse_splats(read_file(path), name);
+  if (ending == ".ksplat" || ending == ".sog") refuse_kind(path, ending + " files are");
+  if (name == "meta.json") refuse_kind(path, "SOG scenes are");
+  const std::vector<std::byte> bytes = read_file(path);
+  if (is_packed(bytes)) refuse_kind(path, "packed Gaussians (SuperSplat's compressed PLY) are");
+  return parse_splats(bytes, name);
 }
 
 Splats cropped(const Splats& splats, const Eigen::AlignedBox3d& box) {

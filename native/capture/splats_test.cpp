@@ -7,8 +7,10 @@
 
 #include <cmath>
 #include <map>
+#include <string_view>
 
 #include "base/error.hpp"
+#include "base/file.hpp"
 #include "base/message_for_test.hpp"
 #include "capture/ply.hpp"
 
@@ -122,6 +124,14 @@ TEST_F(SplatsTest, TheNameSaysTheFormat) {
   };
   EXPECT_THAT(words("scene.ksplat"), HasSubstr("splat-transform scene.ksplat scene.ply"));
   EXPECT_THAT(words("scene.SOG"), HasSubstr(".sog files are not read"));
+  EXPECT_THAT(words("meta.json"), HasSubstr("splat-transform meta.json meta.ply"));
+  const fs::path packed = fs::path(path_).replace_extension(".ply");
+  const std::string_view header =
+      "ply\nformat binary_little_endian 1.0\nelement chunk 1\nproperty float min_x\n"
+      "element vertex 1\nproperty uint packed_position\nend_header\n";
+  write_file(packed, header);
+  EXPECT_THAT(message_of([&] { (void)read_splats(packed); }), HasSubstr("packed Gaussians"));
+  fs::remove(packed);
   const Splats first = read(row(9));
   const fs::path other = fs::path(path_).replace_extension(".SPLAT");
   write_splats(other, first);

@@ -325,10 +325,12 @@ Eigen::Matrix4d tracks_matrix(double unit, char up, const Eigen::Matrix4d& trans
   Eigen::Matrix4d turn = Eigen::Matrix4d::Identity();
   if (up == 'y') {
     turn.topLeftCorner<3, 3>() << 1, 0, 0, 0, 0, -1, 0, 1, 0;
+  } else if (up == 'd') {
+    turn.topLeftCorner<3, 3>() << 1, 0, 0, 0, 0, 1, 0, -1, 0;
   } else if (up == 'x') {
     turn.topLeftCorner<3, 3>() << 0, 0, -1, 0, 1, 0, 1, 0, 0;
   } else if (up != 'z') {
-    throw_input("the up axis of a capture is '" + std::string(1, up) + "', expected x, y or z.");
+    throw_input("the up axis of a capture is '" + std::string(1, up) + "', expected x, y, z or d.");
   }
   turn.topLeftCorner<3, 3>() *= unit;
   Eigen::Matrix4d matrix = transform * turn;

@@ -36,7 +36,7 @@ struct Tracks {
 struct TracksOptions {
   /// Metres per unit of the file; 0: what a C3D file says (one that does not is refused), else 1.
   double unit = 0.0;
-  char up = 0;  ///< 'x', 'y' or 'z'; 0: what the file says, else 'z'
+  char up = 0;  ///< 'x', 'y' or 'z', or 'd': y points down; 0: what the file says, else 'z'
   /// After unit and up; maps points (last row 0 0 0 1). Velocities and noise follow its scale.
   Eigen::Matrix4d transform = Eigen::Matrix4d::Identity();
   double fps = 0.0;  ///< frames per second of files that have no times (.npy, PLY, PC2)

@@ -82,6 +82,12 @@ TEST_F(TracksTest, UnitUpTransformAndMarkersApplyInThisOrder) {
   EXPECT_LT((tracks.position(0, 0) - Vec3d(9.988, 20.010, 30.008)).norm(), 1e-12);
   ASSERT_EQ(tracks.noise.size(), 2U);
   EXPECT_NEAR(tracks.noise[0], 0.2 * 0.002, 1e-15);
+  options.up = 'd';  // (4, 5, 6) mm, y down: (4, 6, −5) mm
+  EXPECT_LT(
+      (read_tracks(npz(sample_tracks()), options).position(0, 0) - Vec3d(10.008, 20.012, 29.99))
+          .norm(),
+      1e-12);
+  options.up = 'x';
   options.markers = {"1"};
   options.noise = {5e-4};
   const Tracks one = read_tracks(npz(sample_tracks()), options);

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cstddef>
+#include <functional>
 #include <iterator>
 #include <numeric>
 #include <utility>
@@ -308,14 +309,16 @@ std::vector<Index> all_of(const MatrixXd& theta) {
 /// beside that.
 constexpr double kSmallBeside = 0.002;
 
-void adapt_times(const Study& study, Members& members, std::size_t runs) {
-  const auto all = members.that_ran(1, runs);
-  // One impact's error is not multiplied at the next there.
-  if (study.model().follows_recordings()) {
-    members.step_without_runs(all);
-  } else {
-    members.search(all, kRoundsOfTimes);
-  }
+/// Impacts follow the recording, so that one's error is not multiplied at the next and slopes tell
+/// most members' part. The half that they leave farther off is simulated where slopes bring it:
+/// what they leave there is mostly their own error.
+void search_farther_half(Members& members, std::size_t runs) {
+  std::vector<std::size_t> ran = members.that_ran(1, runs);
+  std::vector<double> left(runs, 0.0);
+  for (const std::size_t m : ran) left[m] = members.promised(m);
+  std::ranges::stable_sort(ran, std::greater<>(), [&](std::size_t m) { return left[m]; });
+  ran.resize(ran.size() / 2);
+  members.search(ran, kRoundsOfTimes);
 }
 
 /// Searches the members of which slopes leave something, each by its own: how far slopes hold is
@@ -341,11 +344,20 @@ void bring_near(const Study& study, const State& state, const MatrixXd& theta,
   const std::vector<Index> times = nuisances_of_times(study.model());
   if (!times.empty()) {
     Members members(study, state, theta, variants, times, false, runs);
-    adapt_times(study, members, runs.size());
+    const auto ran = members.that_ran(1, runs.size());
+    if (!study.model().follows_recordings()) {
+      members.search(ran, kRoundsOfTimes);
+    } else if (!all) {
+      members.step_without_runs(ran);
+    }
   }
   if (!all) return;
   Members members(study, state, theta, variants, all_of(theta), true, runs);
-  if (times.empty()) adapt_all(study, members, runs.size());
+  if (times.empty()) {
+    adapt_all(study, members, runs.size());
+  } else if (study.model().follows_recordings()) {
+    search_farther_half(members, runs.size());
+  }
   members.step_without_runs(members.that_ran(1, runs.size()));
 }
 

@@ -400,6 +400,7 @@ class ImageFit {
                               const ImageStanding& after) {
     std::vector<std::string> statements = statements_;
     statements.push_back(outlines_text(state_.before.at("silhouettes"), after.silhouettes));
+    state_apart(after.cameras, statements);
     const std::string weights = scene_->has_tracks() ? weights_text(misfit_) : "";
     if (!weights.empty()) statements.push_back(weights);
     if (known) {

@@ -11,7 +11,8 @@ namespace matterfit::job {
 std::string outlines_text(const Json& before, const Json& after) {
   std::string text;
   for (const char* key : {"fitted", "held_out"}) {
-    if (!before.at(key).is_object() || !after.at(key).is_object()) continue;
+    // Null where there is none; without 'iou' where none shows anything.
+    if (!before.at(key).contains("iou") || !after.at(key).contains("iou")) continue;
     text +=
         fmt::format("{}{}: IoU {:.3f} → {:.3f}", text.empty() ? "Outlines, " : "; ",
                     std::string(key) == "fitted" ? "fitted images" : "held-out images",

@@ -25,7 +25,7 @@ constexpr int kMostWorseSteps = 4;
 /// How far outlines are from agreeing: 1 − IoU.
 std::optional<double> outlines_apart(const Json& silhouettes, const char* which) {
   const Json& one = silhouettes.at(which);
-  if (!one.is_object()) return std::nullopt;
+  if (!one.contains("iou")) return std::nullopt;
   return 1.0 - one.at("iou").get<double>();
 }
 

@@ -5,15 +5,17 @@ import os
 import re
 
 import bpy
-from mathutils import Matrix, Vector
+from mathutils import Euler, Matrix, Vector
 
 from ..compat import translate
 from ..jobs import JobError
+from ..props import reactions
+from . import camera_poses
 from .files import number, numbers
 from .nodes import relative_path
 
 SENSOR = 36.0
-# Properties of the cameras that we add: the capture and the number, the file's matrix and lens.
+# Properties of the cameras that we add: the capture and the number, matrix and lens by the file alone.
 CAPTURE, NUMBER, PLACE, LENS = ("matterfit_capture", "matterfit_camera", "matterfit_place",
                                 "matterfit_lens")
 
@@ -56,23 +58,37 @@ def add_cameras(scene, name, places):
     scene.collection.children.link(collection)
     units = 1.0 / scene.unit_settings.scale_length
     items = []
-    for k, place in enumerate(places):
+    for k, told in enumerate(places):
         data = bpy.data.cameras.new(f"{name} {k}")
-        width, height = place["width"], place["height"]
+        width, height = told["width"], told["height"]
         longer = max(width, height)
         data.sensor_fit = "HORIZONTAL" if width >= height else "VERTICAL"
         data.sensor_width = data.sensor_height = SENSOR
-        data.lens = SENSOR * (place["fx"] if width >= height else place["fy"]) / longer
-        data.shift_x = (0.5 * width - place["cx"]) / longer
-        data.shift_y = (place["cy"] - 0.5 * height) / longer
+        data.lens = SENSOR * (told["fx"] if width >= height else told["fy"]) / longer
+        data.shift_x = (0.5 * width - told["cx"]) / longer
+        data.shift_y = (told["cy"] - 0.5 * height) / longer
         item = bpy.data.objects.new(data.name, data)
-        matrix = Matrix(place["matrix"])
-        matrix.translation *= units
-        item.matrix_world = matrix
+        item.matrix_world = _matrix(told, units)
         collection.objects.link(item)
         items.append(item)
     tag(items, name)
     return items
+
+
+def _matrix(told, units):
+    """Where a summary says that a camera stands."""
+    matrix = Matrix(told["matrix"])
+    matrix.translation *= units
+    return matrix
+
+
+def read_again(capture, places):
+    """The capture's cameras stand where a new summary says: its unit or up axis is another one."""
+    units = 1.0 / capture.id_data.unit_settings.scale_length
+    for k, item in of_capture(capture.id_data, capture.name).items():
+        if k < len(places):
+            item[PLACE] = [value for row in _matrix(places[k], units) for value in row]
+    place(capture)
 
 
 def of_capture(scene, name):
@@ -81,14 +97,18 @@ def of_capture(scene, name):
             if item.type == "CAMERA" and item.get(CAPTURE) == name}
 
 
-def pose_cameras(scene, name, poses):
-    """Moves the cameras of a capture to where `poses`, as the document has them, say; without poses
-    back to where their file says."""
+@reactions.capture_moved.done_by
+def place(capture):
+    """Moves the cameras of a capture to where their file, its location and rotation, and the poses that a
+    fit has found say."""
+    scene = capture.id_data
     units = 1.0 / scene.unit_settings.scale_length
-    for k, item in of_capture(scene, name).items():
+    moved = Matrix.Translation(capture.location) @ Euler(capture.rotation).to_matrix().to_4x4()
+    poses = camera_poses.read(capture.poses)
+    for k, item in of_capture(scene, capture.name).items():
         pose = poses[k] if k < len(poses) else {}
-        place = list(item[PLACE])
-        matrix = Matrix([place[row:row + 4] for row in range(0, 16, 4)])
+        told = list(item[PLACE])
+        matrix = moved @ Matrix([told[row:row + 4] for row in range(0, 16, 4)])
         # The document's camera looks along z with y down, Blender's along −z with y up.
         x, y, z = pose.get("turn", (0.0, 0.0, 0.0))
         turn = Vector((x, -y, -z))

@@ -254,5 +254,6 @@ class Application:
             capture.use_start_frame = True
             capture.start_frame = frame
         for name, poses in self.posed.items():
-            fit_values.find_capture(self.settings, name).poses = camera_poses.text_of(poses)
-            blender_cameras.pose_cameras(self.settings.id_data, name, poses)
+            capture = fit_values.find_capture(self.settings, name)
+            capture.poses = camera_poses.text_of(poses)
+            blender_cameras.place(capture)

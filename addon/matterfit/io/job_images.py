@@ -77,14 +77,22 @@ def reading_options(capture, relative=str, put=None):
     if capture.use_plate and capture.use_key:
         raise JobError(f"{where}: Key and Clean Plate are both switched on. Switch one of them off.")
     if capture.use_key:
-        document["key"] = {"colour": numbers(capture.key)}
+        document["key"] = {"colour": numbers(capture.key), "range": _key_range(capture, where)}
     if capture.use_plate:
         plates = plate_files(capture.plate, where)
         if isinstance(plates, str):
             document["plate"] = {"images": relative(plates)}
         else:
             document["plate"] = {"images": [_plate(capture, path, relative, put) for path in plates]}
+        document["plate"]["threshold"] = number(capture.plate_threshold)
     return document
+
+
+def _key_range(capture, where):
+    low, high = numbers(capture.key_range)
+    if low >= high:
+        raise JobError(f"{where}: Key Range goes from {low:g} to {high:g}. Its second number is the larger one.")
+    return [low, high]
 
 
 def _plate(capture, path, relative, put):
@@ -107,7 +115,6 @@ def read_summary(capture, reader):
             path, originals = ready
             options.pop("images", None)
         options["cameras"] = path
-        options["poses"] = camera_poses.read(capture.poses)
         found = reader(path, options)
     finally:
         shutil.rmtree(folder, ignore_errors=True)

@@ -144,7 +144,10 @@ class MATTERFIT_OT_check_capture(PlainOperator, bpy.types.Operator):
                       "The capture is not read from a file")
 
     def act(self, context):
-        read_summary(context.scene, scene_props.active_capture(context.scene.matterfit))
+        capture = scene_props.active_capture(context.scene.matterfit)
+        found = read_summary(context.scene, capture)
+        if capture.source == "IMAGES":
+            blender_cameras.read_again(capture, found["places"])
         redraw(context)
 
 
@@ -163,7 +166,7 @@ class MATTERFIT_OT_forget_poses(PlainOperator, bpy.types.Operator):
     def act(self, context):
         capture = scene_props.active_capture(context.scene.matterfit)
         capture.poses = ""
-        blender_cameras.pose_cameras(context.scene, capture.name, [])
+        blender_cameras.place(capture)
 
 
 CLASSES = (MATTERFIT_OT_import_capture, MATTERFIT_OT_add_capture_object,

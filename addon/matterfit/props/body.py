@@ -131,7 +131,8 @@ class MatterfitBody(bpy.types.PropertyGroup):
         name="Source", default="OBJECT", update=_splats_changed,
         items=(("OBJECT", "Object", "An object of this scene, filled with particles"),
                ("POINTS", "Points File", "Particles from a .ply, .npz or .npy file"),
-               ("GAUSSIANS", "Gaussians File", "A 3D Gaussian splat .ply, its inside filled")),
+               ("GAUSSIANS", "Gaussians File", "3D Gaussian splats of a .ply, .splat or .spz file, their inside "
+                                            "filled")),
         description="What the body is made from")
     object: PointerProperty(
         name="Object", type=bpy.types.Object, poll=_object_poll,
@@ -157,7 +158,7 @@ class MatterfitBody(bpy.types.PropertyGroup):
         name="Fill Inside", default=True,
         description="Fill the inside of the Gaussians' surface with particles")
     opacity_threshold: FloatProperty(
-        name="Opacity Threshold", default=0.02, min=0.0, soft_min=0.0, max=1.0, soft_max=0.5,
+        name="Opacity Threshold", default=0.1, min=0.0, soft_min=0.0, max=1.0, soft_max=0.5,
         subtype="FACTOR", update=_splats_changed,
         description="Gaussians with less opacity are left out, neither filled nor drawn; without unit")
 

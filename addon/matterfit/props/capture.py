@@ -34,6 +34,11 @@ def _other_file(self, context):
     _reread(self, context)
 
 
+def _moved(self, context):
+    outdated(self, context)
+    reactions.capture_moved(self)
+
+
 def _list_outdated(self, _context):
     reactions.fit_list_outdated(self.id_data.matterfit)
 
@@ -85,13 +90,13 @@ class MatterfitCapture(bpy.types.PropertyGroup):
         name="Up Axis", items=choices.UP_AXES, default="AUTO", update=_reread,
         description="Which axis of the file points up")
     location: FloatVectorProperty(
-        name="Location", subtype="TRANSLATION", unit="LENGTH", size=3, update=outdated,
+        name="Location", subtype="TRANSLATION", unit="LENGTH", size=3, update=_moved,
         min=-1e6, soft_min=-100.0, max=1e6, soft_max=100.0, precision=4,
-        description="Moves the recorded points into the scene")
+        description="Moves the recorded points, or cameras, into the scene")
     rotation: FloatVectorProperty(
-        name="Rotation", subtype="EULER", unit="ROTATION", size=3, update=outdated,
+        name="Rotation", subtype="EULER", unit="ROTATION", size=3, update=_moved,
         min=-1e3, soft_min=-6.283185, max=1e3, soft_max=6.283185,
-        description="Turns the recorded points into the scene, before Location")
+        description="Turns the recorded points, or cameras, into the scene, before Location")
     use_start_frame: BoolProperty(
         name="Start Frame", default=False, update=outdated,
         description="The capture's first sample falls on the frame below instead of the first")
@@ -153,6 +158,10 @@ class MatterfitCapture(bpy.types.PropertyGroup):
     key: FloatVectorProperty(
         name="Key", subtype="COLOR_GAMMA", size=3, default=(0.0, 0.4, 0.6), min=0.0, max=1.0,
         update=_reread, description="The body's colour, as the images show it")
+    key_range: FloatVectorProperty(
+        name="Key Range", size=2, default=(0.25, 0.75), min=0.0, soft_min=0.0, max=10.0, soft_max=1.0,
+        precision=2, step=1, update=_reread,
+        description="How much of the colour a pixel has that is not of the body at all, and that is all body")
     use_plate: BoolProperty(
         name="Clean Plate", default=False, update=_reread,
         description="Make mattes by what differs from the images below, which do not show the body")
@@ -160,6 +169,10 @@ class MatterfitCapture(bpy.types.PropertyGroup):
         name="Clean Plate", subtype="FILE_PATH", options=PATH_OPTIONS, update=_reread,
         description="An image without the body: one of a numbered file a camera, in their order, or "
                     "a name with # in place of a camera's number")
+    plate_threshold: FloatProperty(
+        name="Threshold", default=6.0, min=0.1, soft_min=1.0, max=1000.0, soft_max=20.0, precision=1,
+        update=_reread, description="How far from its clean plate a pixel is of the body, in standard "
+                                    "deviations of the images' noise")
     images: StringProperty(
         name="Image Folder", subtype="DIR_PATH", options=PATH_OPTIONS, update=_reread,
         description="Where the images lie; empty: beside the file, of a COLMAP model where it is "

@@ -42,6 +42,7 @@ UP_AXES = (
     ("Z", "Z Up", "Blender, most motion capture"),
     ("Y", "Y Up", "Most games and film packages"),
     ("X", "X Up", "Rare"),
+    ("-Y", "Y Down (COLMAP)", "Most scenes that are trained from photographs"),
 )
 
 # Axes that may point up in a file of points or splats, which does not say which one does. The items are

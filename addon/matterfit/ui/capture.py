@@ -72,7 +72,11 @@ class MATTERFIT_PT_capture(MatterfitPanel, bpy.types.Panel):
             if capture.source == "IMAGES":
                 column.prop(capture, "images", text="Images")
                 switched(column, capture, "use_key", "key")
+                if capture.use_key:
+                    column.prop(capture, "key_range")
                 switched(column, capture, "use_plate", "plate")
+                if capture.use_plate:
+                    column.prop(capture, "plate_threshold")
             else:
                 column.prop(capture, "markers")
             layout.operator("matterfit.check_capture", icon="VIEWZOOM")

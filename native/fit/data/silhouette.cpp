@@ -203,7 +203,8 @@ Agreement agreement(std::span<const float> mask, const Silhouette& matte) {
     if (!ours && theirs) ++result.missing;
   }
   const std::size_t either = both + result.outside + result.missing;
-  result.iou = either == 0 ? 1.0 : double(both) / double(either);
+  result.iou =
+      either == 0 ? std::numeric_limits<double>::quiet_NaN() : double(both) / double(either);
   const auto w = static_cast<std::size_t>(matte.width());
   const OutlinePoints ours =
       outline_of([&](int x, int y) { return mask[std::size_t(y) * w + std::size_t(x)]; },

@@ -45,7 +45,7 @@ void blur(Coverage& image, double deviation);
 
 /// How a simulated mask agrees with a matte, both cut at ½.
 struct Agreement {
-  double iou = 0.0;  ///< area of both over that of either; 1 where both are empty
+  double iou = 0.0;  ///< area of both over that of either; NaN where both are empty
   double contour_px =
       0.0;  ///< mean distance between the outlines, both ways [pixels]; NaN: one has none
   std::size_t outside = 0;  ///< pixels of the simulation alone

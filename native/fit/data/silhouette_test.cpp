@@ -91,6 +91,8 @@ TEST(Silhouette, AgreementIsOverlapAndDistance) {
   const Agreement empty = agreement(none, seen);
   EXPECT_EQ(empty.iou, 0.0);
   EXPECT_TRUE(std::isnan(empty.contour_px));
+  const Silhouette nothing(std::vector<std::uint8_t>(64 * 48, 0), 64, 48);
+  EXPECT_TRUE(std::isnan(agreement(none, nothing).iou)) << "an image of nothing agrees in nothing";
   EXPECT_THROW((void)agreement(std::vector<float>(64 * 47, 0.0F), seen), Error);
   EXPECT_THROW(Silhouette(matte, 64, 47), Error);
 }

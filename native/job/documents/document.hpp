@@ -203,7 +203,7 @@ struct CaptureDoc {
   std::filesystem::path file;  ///< or a pattern of numbered files (capture/tracks.hpp)
   std::string body;
   double unit = 0.0;  ///< metres per unit of the file; 0: what the file says, else metres
-  char up = 0;        ///< 'x', 'y', 'z'; 0: what the file says, else z
+  char up = 0;        ///< as capture::TracksOptions has it
   std::array<double, 16> transform{1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1};  ///< rows
   double fps = 0.0;                       ///< of files without times; 0: the scene's
   std::vector<std::string> markers;       ///< those that are used; empty: all

@@ -134,7 +134,7 @@ CaptureDoc read_capture(const JsonValue& value, const ReadContext& context,
   }
   capture.body = resolve_body(object.find("body"), value, capture.scene ? *capture.scene : scene);
   if (const auto unit = object.find("unit")) capture.unit = read_unit(*unit);
-  if (const auto up = object.find("up")) capture.up = "xyz"[up->choice({"x", "y", "z"})];
+  if (const auto up = object.find("up")) capture.up = "xyzd"[up->choice({"x", "y", "z", "-y"})];
   if (const auto transform = object.find("transform")) capture.transform = read_matrix(*transform);
   capture.fps = object.number("fps", 0.0, positive("frames per second"));
   if (const auto markers = object.find("markers")) capture.markers = read_markers(*markers);

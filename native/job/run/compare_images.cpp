@@ -221,6 +221,7 @@ Json ImageComparison::run(const std::filesystem::path& folder, const std::shared
   const std::vector<fit::ColourAgreement> coloured = colour_agreements(stage);
   const std::vector<ImageSighting>& all = films_.sightings;
   Json cameras = cameras_json(films_, agreed);
+  state_apart(cameras, notes_);
   Json list = Json::array();
   for (std::size_t f = 0; f < films_.films.size(); ++f) {
     // Means of colours are of images of one size each: what is held out stands apart.
@@ -258,7 +259,7 @@ Json ImageComparison::run(const std::filesystem::path& folder, const std::shared
       Json frame = {{"frame", all[k].frame},
                     {"camera", sighting.view.number},
                     {"image", all[k].image},
-                    {"iou", agreed[k].iou},
+                    {"iou", number(agreed[k].iou)},
                     {"contour_px", number(agreed[k].contour_px)},
                     {"outside_px", agreed[k].outside},
                     {"missing_px", agreed[k].missing}};

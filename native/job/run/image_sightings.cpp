@@ -57,6 +57,7 @@ void add_capture(const ImagesDoc& doc, const mpm::Scene& scene, FilmUse use, Loa
                  std::vector<std::string>& statements, const Interrupter& interrupter) {
   const double start = doc.start_frame.value_or(scene.first_frame);
   std::size_t outside = 0;
+  std::vector<std::size_t> inside;  // images of each camera within the scene's frames
   std::vector<double> separations;  // in the cameras' pixels
   std::vector<int> factors;
   std::vector<std::vector<float>> seen;  // reduced
@@ -68,6 +69,7 @@ void add_capture(const ImagesDoc& doc, const mpm::Scene& scene, FilmUse use, Loa
       factors.push_back(factor_of(camera, separations[k]));
       seen.emplace_back();
       shown.push_back(0);
+      inside.push_back(0);
       if (clip.seen[k].empty()) continue;
       seen[k] = fit::reduced(clip.seen[k], camera.width, camera.height, factors[k]).values;
     }
@@ -80,6 +82,7 @@ void add_capture(const ImagesDoc& doc, const mpm::Scene& scene, FilmUse use, Loa
       ++outside;
       return;
     }
+    ++inside[sight.camera];
     const splat::Camera& camera = clip.cameras[sight.camera];
     const int factor = factors[sight.camera];
     const auto small = [&](const std::vector<std::uint8_t>& plane) {
@@ -141,6 +144,11 @@ void add_capture(const ImagesDoc& doc, const mpm::Scene& scene, FilmUse use, Loa
   if (outside > 0) {
     statements.push_back("captures." + doc.name + ": " + std::to_string(outside) +
                          " images lie outside of the scene's frames.");
+  }
+  for (std::size_t k = 0; k < inside.size() && outside > 0; ++k) {
+    if (inside[k] > 0) continue;
+    statements.push_back("captures." + doc.name + ": camera " + std::to_string(k) +
+                         " has no image within the scene's frames; it is left out.");
   }
 }
 
@@ -268,10 +276,15 @@ Json agreement_json(const std::vector<ImageSighting>& sightings,
   double iou = 0.0;
   double contour = 0.0;
   int images = 0;
+  int empty = 0;
   int contours = 0;
   std::size_t worst = 0;
   for (std::size_t k = 0; k < sightings.size(); ++k) {
     if (!takes(sightings[k].reduced)) continue;
+    if (std::isnan(agreements[k].iou)) {
+      ++empty;
+      continue;
+    }
     if (images == 0 || agreements[k].iou < agreements[worst].iou) worst = k;
     ++images;
     iou += agreements[k].iou;
@@ -279,17 +292,19 @@ Json agreement_json(const std::vector<ImageSighting>& sightings,
     contour += agreements[k].contour_px;
     ++contours;
   }
-  if (images == 0) return {};
-  return {{"images", images},
-          {"iou", iou / images},
-          {"contour_px", contours > 0 ? Json(contour / contours) : Json()},
-          {"worst",
-           {{"image", sightings[worst].image},
-            {"frame", sightings[worst].frame},
-            {"camera", sightings[worst].reduced.view.number},
-            {"iou", agreements[worst].iou},
-            {"outside_px", agreements[worst].outside},
-            {"missing_px", agreements[worst].missing}}}};
+  if (images + empty == 0) return {};
+  Json result = {{"images", images}};
+  if (empty > 0) result["empty"] = empty;
+  if (images == 0) return result;
+  result["iou"] = iou / images;
+  result["contour_px"] = contours > 0 ? Json(contour / contours) : Json();
+  result["worst"] = {{"image", sightings[worst].image},
+                     {"frame", sightings[worst].frame},
+                     {"camera", sightings[worst].reduced.view.number},
+                     {"iou", agreements[worst].iou},
+                     {"outside_px", agreements[worst].outside},
+                     {"missing_px", agreements[worst].missing}};
+  return result;
 }
 
 Json silhouettes_json(const std::vector<ImageSighting>& sightings,
@@ -324,6 +339,25 @@ Json cameras_json(const LoadedFilms& films, const std::vector<fit::Agreement>& a
     }
   }
   return list;
+}
+
+void state_apart(const Json& cameras, std::vector<std::string>& statements) {
+  for (const Json& camera : cameras) {
+    bool shown = false;
+    bool meets = false;
+    for (const char* which : {"fitted", "held_out"}) {
+      const Json& part = camera.at(which);
+      if (!part.is_object() || !part.contains("iou")) continue;
+      shown = true;
+      meets = meets || part.at("iou").get<double>() > 0.0;
+    }
+    if (!shown || meets) continue;
+    statements.push_back("captures." + camera.at("capture").get<std::string>() + ": camera " +
+                         camera.at("camera").dump() +
+                         ": in none of its images does the simulation meet the matte. Are 'up', "
+                         "'unit', 'transform' and the body's place right, and is it the body's "
+                         "matte ('key', 'plate')?");
+  }
 }
 
 }  // namespace matterfit::job

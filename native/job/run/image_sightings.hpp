@@ -71,7 +71,8 @@ enum class FilmUse : std::uint8_t {
                                                          std::vector<fit::ParameterSpec> specs);
 
 /// Agreement of the drawn masks with the mattes, one a sighting, of those that `takes` takes: how
-/// many `images`, mean `iou` and `contour_px`, the `worst`; null without any.
+/// many `images`, mean `iou` and `contour_px`, the `worst`; null without any. Images that show
+/// nothing on both sides are counted as `empty` alone; without others there is no `iou`.
 [[nodiscard]] Json agreement_json(const std::vector<ImageSighting>& sightings,
                                   const std::vector<fit::Agreement>& agreements,
                                   const std::function<bool(const fit::Sighting&)>& takes);
@@ -83,5 +84,7 @@ enum class FilmUse : std::uint8_t {
 /// The same of each camera, with its `capture`, `camera` and the size of its particles.
 [[nodiscard]] Json cameras_json(const LoadedFilms& films,
                                 const std::vector<fit::Agreement>& agreements);
+/// Says of each of these cameras that shows the simulation beside the matte in all of its images.
+void state_apart(const Json& cameras, std::vector<std::string>& statements);
 
 }  // namespace matterfit::job

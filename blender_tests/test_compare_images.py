@@ -9,7 +9,7 @@ import re
 import bpy
 import numpy
 from matterfit import native
-from matterfit.io import blender_cameras, image_comparison, job_captures, takes
+from matterfit.io import image_comparison, job_captures, takes
 from matterfit.props.compare import store
 from matterfit.ui import compare as compare_panel
 from support import needs_library

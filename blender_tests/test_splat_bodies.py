@@ -53,7 +53,7 @@ class SplatBodyTest(SceneCase):
                                       (math.sqrt(0.5), -math.sqrt(0.5), 0.0, 0.0), atol=1e-6)
         entry = document["output"]["splats"][0]
         self.assertEqual((entry["body"], entry["crop"]), ("Ball", body["source"]["crop"]))
-        self.assertEqual(entry["opacity_threshold"], 0.02)
+        self.assertEqual(entry["opacity_threshold"], 0.1)
         self.assertNotIn("format", entry)
         self.settings.output.splat_format, self.row.opacity_threshold = "SPLAT", 0.0
         entry = self.document()[0]["output"]["splats"][0]

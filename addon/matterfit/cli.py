@@ -26,6 +26,7 @@ VERBS = {
     "diagnose": "fit, and find what the simulation gets wrong",
     "compare": "simulate if need be, and measure the error against the captures",
     "bake": "simulate and write every cache under `output`",
+    "render": "simulate if need be, and draw it through cameras",
     "estimate": "memory and time that a job needs",
     "validate": "check a document and print it as it was understood",
 }

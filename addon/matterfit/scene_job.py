@@ -32,7 +32,7 @@ class SceneJob:
             take = self._fit.run
             self._before, self._done_before = takes.Kept(take), self._fit.done
             takes.for_fit(settings)
-        task = "bake" if self._fit is None else verb
+        task = "bake" if self._fit is None and verb != "render" else verb
         self.folder = takes.claim(take)
         try:
             self._document, self._replaced = prepare(bpy.context, take, self.folder, task)

@@ -38,7 +38,9 @@ TEST(ColourKey, TheLargestRegionOfTheColourIsTheMatte) {
   key.range = {0.0, 1.0};
   const KeyedMatte matte = keyed_matte(scene(), key);
   EXPECT_NEAR(matte.kept, 16.0 / 17.0, 1e-12) << "the square, and a lone pixel";
-  const auto at = [&](int x, int y) { return int(matte.alpha[std::size_t(10 * y + x)]); };
+  const auto at = [&](int x, int y) {
+    return int(matte.alpha[10 * std::size_t(y) + std::size_t(x)]);
+  };
   EXPECT_EQ(at(2, 2), 255);
   EXPECT_EQ(at(5, 5), 255);
   EXPECT_EQ(at(0, 0), 0);
@@ -62,7 +64,9 @@ TEST(ColourKey, ABrightWallWithATintIsNoDarkBody) {
   ColourKey key;
   key.colour = Vec3d(0, 30, 60) / 255.0;
   const KeyedMatte matte = keyed_matte(image, key);
-  const auto at = [&](int x, int y) { return int(matte.alpha[std::size_t(10 * y + x)]); };
+  const auto at = [&](int x, int y) {
+    return int(matte.alpha[10 * std::size_t(y) + std::size_t(x)]);
+  };
   EXPECT_EQ(at(3, 3), 255);
   EXPECT_EQ(at(9, 7), 0);
   EXPECT_EQ(at(2, 6), 0) << "the wall beside the body";

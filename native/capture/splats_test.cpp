@@ -41,6 +41,7 @@ class SplatsTest : public ::testing::Test {
   }
   Splats read(const std::map<std::string, float>& row) const {
     std::vector<PlyColumn> columns;
+    columns.reserve(row.size());
     for (const auto& [name, value] : row) columns.push_back({name, std::span(&value, 1)});
     write_ply_points(path_, columns);
     return read_splats(path_);

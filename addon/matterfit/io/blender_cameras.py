@@ -145,6 +145,13 @@ def _follow_frames(user, frame, number, count):
     user.use_auto_refresh = True
 
 
+def show_sequence(camera, image, frame, count):
+    """Shows an image and those that are numbered on from it behind what the camera sees, from `frame` on."""
+    image.source = "SEQUENCE"
+    shown = set_background(camera, image)
+    _follow_frames(shown.image_user, frame, int(_number_of(image.filepath).group(1)), count)
+
+
 def show_photographs(cameras, paths, first, count):
     """Each camera's photograph behind what it sees, {number of the camera: path}. Of `count` images a
     camera those that are numbered on follow frame by frame from `first`, unless what follows is another

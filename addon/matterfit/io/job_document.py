@@ -19,6 +19,7 @@ from . import (
     job_effects,
     job_fit,
     job_images,
+    job_render,
     job_writer,
     throws,
     transforms,
@@ -107,6 +108,8 @@ def _building(writer, task, quality, outputs):
         document["output"] = {"folder": "."}
     else:
         document["output"] = _output(writer, bodies, outputs)
+        if task == "render":
+            document["render"] = job_render.document(writer, document.get("captures", []))
         if task == "compare" and any("cameras" in capture
                                      for capture in document.get("captures", [])):
             document["output"]["overlays"] = True

@@ -15,6 +15,7 @@ from . import (
                materials,
                output,
                preview_extended,
+               render_take,
                simulate,
                splats,
                takes,
@@ -23,4 +24,4 @@ from . import (
 CLASSES = (*capture.CLASSES, *images.CLASSES, *splats.CLASSES, *bodies.CLASSES, *effects.CLASSES, *simulate.CLASSES,
            *caches.CLASSES, *check.CLASSES, *fit.CLASSES, *materials.CLASSES,
            *compare.CLASSES, *diagnose.CLASSES, *preview_extended.CLASSES,
-           *takes.CLASSES, *output.CLASSES, *batch.CLASSES)
+           *takes.CLASSES, *output.CLASSES, *render_take.CLASSES, *batch.CLASSES)

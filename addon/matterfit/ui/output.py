@@ -47,6 +47,7 @@ class MATTERFIT_PT_output(MatterfitPanel, bpy.types.Panel):
         take = scene_props.active_take(settings)
         if take is not None and take.folder:
             self._cache(layout, context, take)
+        layout.operator("matterfit.render_take", icon="RENDER_ANIMATION")
         layout.operator("matterfit.render_splats", icon="RENDER_STILL")
         layout.operator("matterfit.flip_photograph", icon="ARROW_LEFTRIGHT")
         row = layout.row(align=True)

@@ -117,9 +117,30 @@ TEST(CompareImages, ColoursOfAHeldOutCameraStandApart) {
     EXPECT_GT(images.at(which).at("ssim").get<double>(), 0.5) << which;
   }
   EXPECT_NE(images.at("held_out").at("psnr_db"), images.at("not_held_out").at("psnr_db"));
+  // What looks away agrees in nothing, and does not count as agreeing.
+  const Json& away = images.at("cameras")[3];
+  EXPECT_EQ(away.at("images"), 0);
+  EXPECT_FALSE(away.contains("iou")) << away.dump(1);
+  EXPECT_EQ(images.at("held_out").at("empty"), away.at("empty"));
+  EXPECT_EQ(images.at("held_out").at("iou"), images.at("cameras")[2].at("iou"));
+  EXPECT_TRUE(images.at("frames").back().at("iou").is_null());
   const Json notes = run(document, folder.path).at("notes");
   EXPECT_THAT(notes.dump(), HasSubstr("camera 3, which is held out, sees nothing of the body"));
   EXPECT_THAT(notes.dump(), Not(HasSubstr("camera 2, which is held out")));
+}
+
+TEST(CompareImages, AMatteOfSomethingElseIsSaid) {
+  const Folder folder;
+  film(filmed_cube(), folder.path, {two_cameras().front()});
+  Json document = compared_with_clip();
+  EXPECT_THAT(run(document, folder.path).dump(), Not(HasSubstr("meet the matte")));
+  document["scene"]["bodies"][0]["velocity"] = {0.0, 0.0, 0.0};
+  document["scene"]["bodies"][0]["placement"] = {{"position", {-0.6, 0.0, 0.0}}};
+  document["output"]["folder"] = "beside";
+  const Json result = run(document, folder.path);
+  EXPECT_EQ(result.at("compare").at("images")[0].at("cameras")[0].at("iou"), 0.0);
+  EXPECT_THAT(result.at("notes").dump(),
+              HasSubstr("camera 0: in none of its images does the simulation meet the matte"));
 }
 
 /// Poses of the document, of a comparison and of pictures.

@@ -21,11 +21,11 @@ std::size_t pixels_of(int width, int height) {
 }
 
 std::vector<float> weights_of(double deviation) {
-  const int reach = std::max(1, static_cast<int>(std::ceil(kReach * deviation)));
+  const auto reach = std::max<std::ptrdiff_t>(1, std::llround(std::ceil(kReach * deviation)));
   std::vector<float> weights(static_cast<std::size_t>(2 * reach + 1));
   double sum = 0.0;
-  for (int i = -reach; i <= reach; ++i) {
-    const double w = std::exp(-0.5 * i * i / (deviation * deviation));
+  for (std::ptrdiff_t i = -reach; i <= reach; ++i) {
+    const double w = std::exp(-0.5 * double(i * i) / (deviation * deviation));
     weights[static_cast<std::size_t>(i + reach)] = static_cast<float>(w);
     sum += w;
   }
@@ -35,14 +35,15 @@ std::vector<float> weights_of(double deviation) {
 
 /// One pass: `count` lines of `length` pixels, `along` apart in a line, `across` between lines.
 void blur_lines(const std::vector<float>& from, std::vector<float>& into,
-                const std::vector<float>& weights, int count, int length, int across, int along) {
-  const int reach = static_cast<int>(weights.size() / 2);
-  for (int line = 0; line < count; ++line) {
-    for (int i = 0; i < length; ++i) {
+                const std::vector<float>& weights, std::ptrdiff_t count, std::ptrdiff_t length,
+                std::ptrdiff_t across, std::ptrdiff_t along) {
+  const auto reach = static_cast<std::ptrdiff_t>(weights.size() / 2);
+  for (std::ptrdiff_t line = 0; line < count; ++line) {
+    for (std::ptrdiff_t i = 0; i < length; ++i) {
       float sum = 0.0F;
-      const int low = std::max(-reach, -i);
-      const int high = std::min(reach, length - 1 - i);
-      for (int k = low; k <= high; ++k) {
+      const std::ptrdiff_t low = std::max(-reach, -i);
+      const std::ptrdiff_t high = std::min(reach, length - 1 - i);
+      for (std::ptrdiff_t k = low; k <= high; ++k) {
         sum += weights[static_cast<std::size_t>(k + reach)] *
                from[static_cast<std::size_t>(line * across + (i + k) * along)];
       }
@@ -108,7 +109,7 @@ Coverage reduced(std::span<const std::uint8_t> matte, int width, int height, int
   Coverage image;
   image.width = width / factor;
   image.height = height / factor;
-  image.values.reserve(static_cast<std::size_t>(image.width * image.height));
+  image.values.reserve(pixels_of(image.width, image.height));
   const double scale = 1.0 / (255.0 * factor * factor);
   for (int y = 0; y < image.height; ++y) {
     for (int x = 0; x < image.width; ++x) {

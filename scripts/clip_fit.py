@@ -33,6 +33,22 @@ def with_noise(name, positions):
     return positions + random.normal(0.0, NOISE, positions.shape)
 
 
+def add_coarser(parser):
+    parser.add_argument("--coarser", type=float, default=1.0,
+                        help="particles so many times as far apart, with the solver's own substep")
+
+
+def coarsened(document, rest, factor, seed=1):
+    """Particles of a document `factor` times as far apart, with the solver's own substep; so many fewer of
+    `rest`, chosen by the seed."""
+    if factor == 1.0:
+        return rest
+    scene = document["scene"]
+    scene["particle_separation"] *= factor
+    scene.pop("solver", None)
+    return rest[np.random.default_rng(seed).permutation(len(rest))[:int(len(rest) / factor ** 3)]]
+
+
 def tool_of(options):
     return options.tool or BUILD / "release" / "bin" / "matterfit"
 

@@ -2,15 +2,16 @@
 """Films clips of other simulators and fits them from masks alone (docs/validation.md).
 
     clips_from_masks.py [FOLDER] [--only NAME …] [--views N] [--size W] [--coarser F] [--seed N]
-                        [--threads N] [--again]
+                        [--threads N] [--colours] [--again]
 
 FOLDER holds clips as other_simulators.py takes them. A surface around all particles of the first frame
 is carried along by moving least squares over the tracks and filmed by Cycles (film_mattes.py, which
 needs `blender`): N cameras that are fitted (10) and camera 0, which is kept out, W² pixels (400). The
 fit knows the first frame's shape, the law and the cameras; it sees the mattes of the first seven tenths
 and starts from other_simulators.py's guesses and at rest, without the spin where the clip says none.
---coarser: particles F times as far apart as the simulator's (1), with the solver's own substep. Results
-are kept in build/clips_from_masks. Progress on standard error; the table as Markdown on standard output.
+--coarser: particles F times as far apart as the simulator's (1), with the solver's own substep.
+--colours: the bodies are painted with cells, which the fit sees too, and the table has PSNR and SSIM of the
+camera that is kept out. Results are kept in build/clips_from_masks. Progress on standard error; the table as Markdown on standard output.
 """
 
 import json
@@ -64,16 +65,20 @@ def write_motion(folder, rest, positions):
             stream.write(moved.astype("<f4").tobytes())
 
 
+def film_name(options):
+    return f"film_{options.views}_{options.size}_{options.seed}" + ("_coloured" if options.colours else "")
+
+
 def film(folder, rest, positions, options):
     """The folder of the images, made where they are not there."""
-    images = folder / f"film_{options.views}_{options.size}_{options.seed}"
+    images = folder / film_name(options)
     if (images / "transforms.json").exists():
         return images
     write_motion(folder, rest, positions)
     command = ["blender", "-b", "--factory-startup", "--python-exit-code", "1", "-t", str(options.threads), "-P",
                ROOT / "scripts" / "film_mattes.py", "--", folder / "body.obj", folder / "body.pc2", images,
                "--cameras", str(options.views + 1), "--size", str(options.size), str(options.size),
-               "--seed", str(options.seed), "--samples", "16"]
+               "--seed", str(options.seed), "--samples", "16", *(["--colours"] if options.colours else [])]
     with open(folder / "film.log", "w", encoding="utf-8") as log:
         subprocess.run(command, check=True, stdout=log, stderr=subprocess.STDOUT)
     return images
@@ -83,15 +88,13 @@ def document_of(name, clip, rest, frames, options):
     document = job_document(name, clip, rest, frames)
     document["captures"] = [{
         "name": name,
-        "cameras": f"film_{options.views}_{options.size}_{options.seed}/transforms.json",
+        "cameras": film_name(options) + "/transforms.json",
         "noise": NOISE_PIXELS,
         "fps": clip["fps"],
         "holdout": {"frames": document["captures"][0]["holdout"]["frames"], "cameras": [0]},
     }]
-    scene = document["scene"]
-    if options.coarser != 1.0:
-        scene["particle_separation"] *= options.coarser
-        scene.pop("solver", None)
+    if options.colours:
+        document["captures"][0]["colours"] = True
     if not any(clip.get("spin", [0])):
         document["fit"]["parameters"].remove("spin")
     return document
@@ -103,29 +106,45 @@ def fit_one(path, options):
     arrays = np.load(path.with_suffix(".npz"))
     positions = arrays["positions"].astype(float)
     rest = arrays["rest"].astype(float)
-    folder = DONE / f"{name}_{options.views}"
+    folder = DONE / (f"{name}_{options.views}" + ("_coloured" if options.colours else ""))
     film(folder, rest, positions, options)
-    kept = rest
-    if options.coarser != 1.0:
-        count = int(len(rest) / options.coarser ** 3)
-        kept = rest[np.random.default_rng(options.seed).permutation(len(rest))[:count]]
+    document = document_of(name, clip, rest, len(positions), options)
+    kept = clip_fit.coarsened(document, rest, options.coarser, options.seed)
 
     def write_inputs():
         np.savez(folder / "rest.npz", positions=kept)
 
-    document = document_of(name, clip, rest, len(positions), options)
     row = clip_fit.fit_clip(name, clip, arrays, folder, document, write_inputs,
                             lambda: (positions[:, ::2], positions[:, 1::2], arrays["times"]), options)
     if "failed" not in row:
         result = json.loads((folder / "out" / "result.json").read_text(encoding="utf-8"))
         row["silhouettes"] = result["fit"]["silhouettes"]["after"]
+    if options.colours and "failed" not in row:
+        row["colours"] = colours_of(folder, document, options)
     return row
+
+
+def colours_of(folder, document, options):
+    """PSNR [dB] and SSIM of the images that the fit has not seen, at their full size."""
+    fitted = json.loads((folder / "out" / "scene.json").read_text(encoding="utf-8"))
+    fitted.pop("fit", None)
+    fitted.update(task="compare", captures=document["captures"], output={"folder": "views"})
+    for body, given in zip(fitted["scene"]["bodies"], document["scene"]["bodies"], strict=True):
+        body["source"] = given["source"]
+    path = folder / "views.json"
+    path.write_text(json.dumps(fitted, indent=1), encoding="utf-8")
+    result, error = clip_fit.run_tool(options, "compare", path, folder / "views.log")
+    if result is None:
+        sys.exit(f"clips_from_masks.py: {path}: {error}")
+    held = result["compare"]["images"][0]["held_out"]
+    return held["psnr_db"], held["ssim"]
 
 
 def markdown(rows, options):
     lines = [
         f"| clip, {options.views} views | observable: score − floor; tracks, mm | future: the same "
-        "| held out: IoU, outlines apart | found ± error (true) | runs, time, s |",
+        f"| held out: IoU, outlines apart{', PSNR, SSIM' if options.colours else ''} | found ± error (true) "
+        "| runs, time, s |",
         "|---|---|---|---|---|---|",
     ]
     for row in rows:
@@ -139,20 +158,22 @@ def markdown(rows, options):
             f"{key.removeprefix('material.')} {p['value']:.4g} ± {p['standard_error'] or float('nan'):.2g}"
             + (f" ({p['truth']:.4g})" if "truth" in p else "")
             for key, p in row["parameters"].items() if key.startswith("material."))
-        lines.append(f"| {row['name']} | {parts[0]} | {parts[1]} | {held['iou']:.3f}, {held['contour_px']:.2f} px "
-                     f"| {found} | {row['fit']['evaluations']}, {row['seconds']:.0f} |")
+        colours = ", {:.1f} dB, {:.3f}".format(*row["colours"]) if "colours" in row else ""
+        lines.append(f"| {row['name']} | {parts[0]} | {parts[1]} | {held['iou']:.3f}, {held['contour_px']:.2f} px"
+                     f"{colours} | {found} | {row['fit']['evaluations']}, {row['seconds']:.0f} |")
     return "\n".join(lines)
 
 
 def main():
     require_in_tree()
     parser = clip_fit.arguments(__doc__)
+    clip_fit.add_coarser(parser)
     parser.add_argument("folder", type=pathlib.Path, nargs="?",
                         default=ROOT / ".." / "shared" / "data" / "other_simulators")
     parser.add_argument("--views", type=int, default=10)
     parser.add_argument("--size", type=int, default=400)
-    parser.add_argument("--coarser", type=float, default=1.0)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--colours", action="store_true")
     options = parser.parse_args()
     paths = sorted(path for path in options.folder.glob("*.json")
                    if not options.only or any(path.stem.startswith(only) for only in options.only))
@@ -164,7 +185,7 @@ def main():
         print(clip_fit.line_of(rows[-1]), file=sys.stderr, flush=True)
     table = markdown(rows, options)
     print(table)
-    DONE.joinpath(f"table_{options.views}.md").write_text(table + "\n", encoding="utf-8")
+    DONE.joinpath(f"table_{options.views}{'_coloured' if options.colours else ''}.md").write_text(table + "\n", encoding="utf-8")
     return 0
 
 

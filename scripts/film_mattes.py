@@ -2,12 +2,14 @@
 """Films a baked mesh: mattes by Cycles, an outline's true coverage, and the cameras' file.
 
     blender -b --factory-startup --python-exit-code 1 -P scripts/film_mattes.py -- \\
-        MESH.obj MOTION.pc2 FOLDER [--cameras N] [--size W H] [--every N] [--seed N] [--samples N]
+        MESH.obj MOTION.pc2 FOLDER [--cameras N] [--size W H] [--every N] [--seed N] [--samples N] [--colours]
 
 MESH.obj is the mesh that a job's `output.mesh` names, Z up, MOTION.pc2 what it baked
 (`mesh/NAME.pc2`). Cameras stand on a ring around the motion's box, at 20° and every third (1, 4, …) at 55°
 above the horizon, 2.75 times the box's half diagonal away, f = 1.15 W, turned by the seed. FOLDER gets
 `transforms.json` and `c0_0000.png`, …, white bodies before nothing: the alpha channel is the matte.
+--colours: matt bodies of coloured cells, a sixth of the first frame's size across, which move with them,
+under an even sky that they keep from themselves.
 """
 
 import argparse
@@ -95,6 +97,31 @@ def set_up(options):
     return scene
 
 
+def coloured(mesh, rest):
+    """Gives a mesh a matt material of cells that lie at `rest` (flat list of coordinates)."""
+    low, high = bounds([rest])
+    mesh.attributes.new("rest", "FLOAT_VECTOR", "POINT").data.foreach_set("vector", rest)
+    material = bpy.data.materials.new("cells")
+    material.use_nodes = True
+    nodes, links = material.node_tree.nodes, material.node_tree.links
+    nodes.clear()
+    place = nodes.new("ShaderNodeAttribute")
+    place.attribute_name = "rest"
+    cells = nodes.new("ShaderNodeTexVoronoi")
+    cells.inputs["Scale"].default_value = 6.0 / max(high - low)
+    matt = nodes.new("ShaderNodeBsdfDiffuse")
+    out = nodes.new("ShaderNodeOutputMaterial")
+    links.new(place.outputs["Vector"], cells.inputs["Vector"])
+    links.new(cells.outputs["Color"], matt.inputs["Color"])
+    links.new(matt.outputs["BSDF"], out.inputs["Surface"])
+    mesh.materials.append(material)
+    world = bpy.context.scene.world or bpy.data.worlds.new("sky")
+    bpy.context.scene.world = world
+    world.use_nodes = True
+    sky = world.node_tree.nodes["Background"]
+    sky.inputs["Color"].default_value, sky.inputs["Strength"].default_value = (1.0, 1.0, 1.0, 1.0), 1.0
+
+
 def main():
     parser = argparse.ArgumentParser()
     parser.add_argument("mesh")
@@ -105,12 +132,15 @@ def main():
     parser.add_argument("--every", type=int, default=1)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--samples", type=int, default=16)
+    parser.add_argument("--colours", action="store_true")
     options = parser.parse_args(sys.argv[sys.argv.index("--") + 1:])
     vertices, faces = read_obj(options.mesh)
     frames = read_pc2(options.motion)
     scene = set_up(options)
     mesh = bpy.data.meshes.new("body")
     mesh.from_pydata(vertices, [], faces)
+    if options.colours:
+        coloured(mesh, frames[0])
     bpy.context.collection.objects.link(bpy.data.objects.new("body", mesh))
     width, height = options.size
     shots = []

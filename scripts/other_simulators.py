@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Fits clips of other simulators and scores the fits (docs/validation.md).
 
-    other_simulators.py [FOLDER] [--only NAME …] [--threads N] [--again]
+    other_simulators.py [FOLDER] [--only NAME …] [--coarser F] [--threads N] [--again]
 
 FOLDER (../shared/data/other_simulators) holds NAME.npz (`rest`, `positions` without noise, `times`)
 and NAME.json (`law`, `density`, `gravity`, `ground`, `contact`, `fps`; of a simulator with a grid
 `simulator_grid_spacing`; if known `simulator_substeps_per_frame`, and the truth: `parameters`,
 `velocity`, `spin`). A fit knows these but no parameter of the law and not how the body was thrown; it
-sees the tracks of the first seven tenths with .5 mm of noise and starts from poor guesses. Fits that
-are done for the same document are kept in build/other_simulators.
+sees the tracks of the first seven tenths with .5 mm of noise and starts from poor guesses. --coarser:
+particles F times as far apart, and the solver's own substep: what nobody tells a user. Fits that are done for the same document are kept in build/other_simulators.
 Progress on standard error; the table as Markdown on standard output and in table.md.
 """
 
@@ -96,13 +96,14 @@ def fit_one(path, options):
     clip = json.loads(path.read_text(encoding="utf-8"))
     arrays = np.load(path.with_suffix(".npz"))
     positions = arrays["positions"].astype(float)
-    folder = DONE / name
+    folder = DONE / (name if options.coarser == 1.0 else f"{name}_{options.coarser:g}")
+    document = job_document(name, clip, arrays["rest"], len(positions))
+    rest = clip_fit.coarsened(document, arrays["rest"], options.coarser)
 
     def write_inputs():
         np.savez(folder / "tracks.npz", positions=clip_fit.with_noise(name, positions), times=arrays["times"])
-        np.savez(folder / "rest.npz", positions=arrays["rest"])
+        np.savez(folder / "rest.npz", positions=rest)
 
-    document = job_document(name, clip, arrays["rest"], len(positions))
     return clip_fit.fit_clip(name, clip, arrays, folder, document, write_inputs,
                              lambda: (positions[:, ::2], positions[:, 1::2], arrays["times"]), options)
 
@@ -132,6 +133,7 @@ def markdown(rows):
 def main():
     require_in_tree()
     parser = clip_fit.arguments(__doc__)
+    clip_fit.add_coarser(parser)
     parser.add_argument("folder", type=pathlib.Path, nargs="?",
                         default=ROOT / ".." / "shared" / "data" / "other_simulators")
     options = parser.parse_args()

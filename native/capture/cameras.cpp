@@ -171,6 +171,19 @@ splat::Camera pacnerf_camera(const FrameEntry& entry, const std::string& image,
   return camera;
 }
 
+Json parsed(std::string_view text, const std::string& name) {
+  try {
+    return Json::parse(text);
+  } catch (const Json::parse_error& error) {
+    const std::string_view before = text.substr(0, std::min(error.byte, text.size()));
+    throw_input(name + ": is no JSON text: it cannot be read on from line " +
+                std::to_string(1 + std::ranges::count(before, '\n')) +
+                " (JSON has no NaN and no infinity).");
+  } catch (const Json::exception&) {
+    throw_input(name + ": is no JSON text: a number in it is beyond what a double holds.");
+  }
+}
+
 std::string with_ending(std::string image) {
   if (fs::path(image).extension().empty()) image += ".png";
   return image;
@@ -179,8 +192,7 @@ std::string with_ending(std::string image) {
 }  // namespace
 
 CameraSet parse_cameras(std::string_view text, const std::string& name, const ImageSize& size) {
-  const Json json = Json::parse(text, nullptr, false);
-  if (json.is_discarded()) throw_input(name + ": is no JSON text.");
+  const Json json = parsed(text, name);
   const bool pacnerf = json.is_array();
   if (!pacnerf && !(json.is_object() && json.contains("frames") && json["frames"].is_array())) {
     throw_input(name +

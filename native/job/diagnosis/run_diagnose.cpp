@@ -29,7 +29,7 @@ constexpr double kDiagnosedFitShare = 0.3;
 
 /// Particles times substeps of all searches together, some minutes of two cores, after which they
 /// end; but not before so many simulations.
-constexpr double kMostWork = 1e9;
+constexpr double kMostWork = 1.8e9;
 constexpr int kFewestSimulations = 400;
 constexpr int kMostSimulations = 1'000'000;
 

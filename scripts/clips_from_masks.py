@@ -11,7 +11,9 @@ fit knows the first frame's shape, the law and the cameras; it sees the mattes o
 and starts from other_simulators.py's guesses and at rest, without the spin where the clip says none.
 --coarser: particles F times as far apart as the simulator's (1), with the solver's own substep.
 --colours: the bodies are painted with cells, which the fit sees too, and the table has PSNR and SSIM of the
-camera that is kept out. Results are kept in build/clips_from_masks. Progress on standard error; the table as Markdown on standard output.
+camera that is kept out.
+Results are kept in build/clips_from_masks. Progress on standard error; the table as Markdown on standard
+output.
 """
 
 import json
@@ -185,7 +187,8 @@ def main():
         print(clip_fit.line_of(rows[-1]), file=sys.stderr, flush=True)
     table = markdown(rows, options)
     print(table)
-    DONE.joinpath(f"table_{options.views}{'_coloured' if options.colours else ''}.md").write_text(table + "\n", encoding="utf-8")
+    name = f"table_{options.views}{'_coloured' if options.colours else ''}.md"
+    DONE.joinpath(name).write_text(table + "\n", encoding="utf-8")
     return 0
 
 

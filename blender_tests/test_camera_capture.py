@@ -45,7 +45,7 @@ class CameraCaptureTest(ImagesCase):
         with open(bpy.path.abspath(capture.filepath), encoding="utf-8") as file:
             shots = json.load(file)["frames"]
         self.assertEqual(shots[0]["file_path"], "../left_007.png")
-        self.assertAlmostEqual(shots[3]["time"], 1.0 / 24.0, places=6)
+        self.assertEqual(shots[3]["time"], 1.0 / 24.0)
         given = blender_cameras.shot(self.scene, left, "", None, 0.5)
         numpy.testing.assert_allclose(shots[0]["transform_matrix"], given["transform_matrix"], atol=1e-6)
         self.assertAlmostEqual(shots[0]["transform_matrix"][1][3], -1.0, places=6)
@@ -64,7 +64,7 @@ class CameraCaptureTest(ImagesCase):
         bpy.context.view_layer.update()
         camera.location.x = 0.5
         camera.keyframe_insert("location", frame=4)
-        self.fails(bpy.ops.matterfit.capture_cameras, ["Camera 'left' moves: at frame 2", "stand still"])
+        self.fails(bpy.ops.matterfit.capture_cameras, ["Camera 'left' moves: at frame 2", "stands still"])
         self.assertEqual(len(self.settings.captures), 0)
         camera.animation_data_clear()
         camera.data.keyframe_insert("lens", frame=1)

@@ -9,7 +9,7 @@ import re
 import bpy
 import numpy
 from matterfit import native
-from matterfit.io import image_comparison, job_captures, takes
+from matterfit.io import blender_cameras, comparison, image_comparison, job_captures, takes
 from matterfit.props.compare import store
 from matterfit.ui import compare as compare_panel
 from support import needs_library
@@ -112,6 +112,25 @@ class CompareImagesTest(ImagesCase):
         self.assertEqual(shown, {"both": ["30.5 dB, 0.875", "21.2 dB, 0.500"], "one": ["25.0 dB, 0.700"],
                                  "none": []})
 
+    def test_images_that_show_nothing(self):
+        seen = {"frame": 2.0, "camera": 0, "image": "c0_2.png", "iou": 0.4, "outside_px": 3, "missing_px": 5}
+        nothing = {**seen, "frame": 1.0, "image": "c0_1.png", "iou": None, "outside_px": 0, "missing_px": 0}
+        images = {"name": "clip", "images": 1, "empty": 1, "iou": 0.4, "contour_px": 1.0, "frames": [nothing, seen]}
+        none = {"name": "clip", "images": 0, "empty": 1, "frames": [nothing]}
+        for found, iou, worst in ((images, 0.4, ["c0_2.png"]), (none, -1.0, [])):
+            with open(os.path.join(self.folder, "report.json"), "w", encoding="utf-8") as file:
+                json.dump({"compare": {"images": [found]}}, file)
+            compare = self.settings.compare
+            store(compare, None, image_comparison.load(self.folder, "clip"))
+            self.assertAlmostEqual(compare.iou, iou, places=6)
+            self.assertEqual([row.name for row in compare.worst_images], worst)
+        self.assertIn("–", texts(compare_panel.MATTERFIT_PT_compare))
+
+    def test_a_recording_by_images_beside_tracks(self):
+        """The library numbers the files of captures by tracks alone."""
+        document = {"captures": [{"name": "marks", "tracks": "a.npz"}, {"name": "clip", "cameras": "b.json"}]}
+        self.assertEqual(comparison._files(document, "marks")[:2], ("compare.npz", "simulated.npz"))
+
     def test_nothing_is_shown_before_a_comparison(self):
         self.assertFalse(bpy.ops.matterfit.show_overlays.poll())
         self.assertIsNone(image_comparison.load(self.folder))
@@ -151,8 +170,18 @@ class PosedCamerasTest(ImagesCase):
         capture.unit, capture.up, capture.location, capture.rotation = "AUTO", "AUTO", (0, 0, 0), (0, 0, 0)
         bpy.ops.matterfit.check_capture()
 
+        capture.name = "Take One"
+        copy = camera.copy()
+        self.scene.collection.objects.link(copy)
+        self.assertEqual(blender_cameras.of_capture(self.scene, "Take One"), {0: camera})
         capture.poses = json.dumps([POSES[1]])
         bpy.ops.matterfit.forget_poses()
         bpy.context.view_layer.update()
         numpy.testing.assert_allclose(numpy.array(camera.matrix_world), numpy.array(before), atol=1e-6)
         self.assertAlmostEqual(camera.data.lens, lens, places=5)
+        self.assertTrue(blender_cameras.stands_as_told(capture, camera))
+        camera.location.x += 0.01
+        bpy.context.view_layer.update()
+        self.assertFalse(blender_cameras.stands_as_told(capture, camera))
+        bpy.ops.matterfit.remove_capture()
+        self.assertEqual(blender_cameras.of_capture(self.scene, "Take One"), {})

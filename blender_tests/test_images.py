@@ -110,9 +110,16 @@ class ImportTest(ImagesCase):
     @needs_library
     def test_photographs_behind_the_cameras(self):
         """Image by image where the recording has the scene's rate, else the first."""
-        for fps, source in ((24, "SEQUENCE"), (30, "FILE")):
+        for fps, timed, source in ((24, False, "SEQUENCE"), (30, False, "SEQUENCE"), (30, True, "FILE")):
             self.scene.render.fps = fps
-            bpy.ops.matterfit.import_images(filepath=self.clip())
+            path = self.clip()
+            if timed:  # at 24 frames a second
+                with open(path, encoding="utf-8") as file:
+                    shots = json.load(file)["frames"]
+                shots = [{**shot, "time": k / 24.0} for k, shot in enumerate(shots)]
+                with open(path, "w", encoding="utf-8") as file:
+                    json.dump({"frames": shots}, file)
+            bpy.ops.matterfit.import_images(filepath=path)
             name = self.settings.captures[self.settings.capture_index].name
             camera = blender_cameras.of_capture(self.scene, name)[0]
             shown = camera.data.background_images[0]
@@ -248,6 +255,16 @@ class ColmapTest(ImagesCase):
         self.settings.captures[0].images = os.path.join(folder, "images")
         document, _written = self.document(task="fit")
         self.assertTrue(document["captures"][0]["images"].endswith("project_jpg/images"))
+
+    @needs_library
+    def test_a_key_in_place_of_a_matte(self):
+        folder = self.project()
+        bpy.ops.matterfit.import_images(filepath=folder, cameras=False, use_key=True, key=(0.9, 0.1, 0.1))
+        self.assertIn("Mattes by the body's colour", self.settings.captures[0].summary)
+        document, _folder = self.document(task="fit") if self.jelly() else None
+        self.assertEqual([round(value, 3) for value in document["captures"][0]["key"]["range"]], [0.25, 0.75])
+        self.settings.captures[0].key_range = (0.8, 0.2)
+        self.fails(bpy.ops.matterfit.check_capture, ["Key Range goes from 0.8 to 0.2"])
 
     @needs_library
     def test_what_cannot_be_imported_is_said(self):

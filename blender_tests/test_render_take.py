@@ -6,7 +6,7 @@ import os
 import bpy
 import numpy
 from matterfit.io import blender_cameras, files
-from support import needs_library
+from support import needs_library, run_cli
 from test_images import HEIGHT, WIDTH, ImagesCase
 
 
@@ -44,6 +44,19 @@ class RenderTakeTest(ImagesCase):
         return rows / alpha.sum()
 
     @needs_library
+    def test_without_a_window(self):
+        """What is saved shows the artist's object still, and the pictures behind the camera."""
+        bpy.ops.wm.save_mainfile()
+        path = bpy.data.filepath
+        done = run_cli("render", "--save", "--quiet", blend=path)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        bpy.ops.wm.open_mainfile(filepath=path)
+        scene = bpy.context.scene
+        self.assertFalse(scene.objects["Cube"].hide_render)
+        self.assertFalse(scene.matterfit.takes[0].baked)
+        self.assertEqual(len(blender_cameras.backgrounds(scene.camera)[1]), 1)
+
+    @needs_library
     def test_a_camera_that_moves_is_refused(self):
         self.scene.camera.keyframe_insert("location", frame=1)
         self.scene.camera.location.x += 1.0
@@ -57,5 +70,10 @@ class RenderTakeTest(ImagesCase):
         document, _folder = self.document(task="render")
         self.assertEqual(document["render"], {"capture": "clip", "camera": 0})
         self.settings.captures[0].enabled = False
+        document, folder = self.document(task="render")
+        self.assertIn("cameras", document["render"])
+        self.settings.captures[0].enabled = True
+        self.scene.camera.location.z += 0.1  # it is another camera now
+        bpy.context.view_layer.update()
         document, folder = self.document(task="render")
         self.assertTrue(os.path.isfile(os.path.join(folder, document["render"]["cameras"])))

@@ -9,8 +9,8 @@ and NAME.json (`law`, `density`, `gravity`, `ground`, `contact`, `fps`; of a sim
 `velocity`, `spin`). A fit knows these but no parameter of the law and not how the body was thrown; it
 sees the tracks of the first seven tenths with .5 mm of noise and starts from poor guesses. --coarser:
 particles F times as far apart, and the solver's own substep: what nobody tells a user.
-Fits that are done for the same document are kept in build/other_simulators. Progress on standard error; the table as Markdown on standard output and
-in table.md.
+Fits that are done for the same document are kept in build/other_simulators. Progress on standard error; the
+table as Markdown on standard output and in table.md.
 """
 
 import json

@@ -7,7 +7,7 @@ import sys
 
 import bpy
 
-from .io import attach, cache, files, fit_apply, fit_results, fit_rows, job_document, takes
+from .io import attach, cache, files, fit_apply, fit_results, fit_rows, job_document, job_render, takes
 from .jobs import EXIT_INPUT, JobError
 from .ops.launch import prepare
 from .props import scene as scene_props
@@ -51,7 +51,11 @@ class SceneJob:
                 self._fit.done = False
             bpy.ops.wm.save_mainfile()
 
-    def _show_and_save(self):
+    def _show_and_save(self, result):
+        if self._verb == "render":
+            job_render.show(bpy.context.scene.camera, self.folder, result)
+            bpy.ops.wm.save_mainfile()
+            return
         if self._fit is None:
             attach_and_save(self.folder)
             return
@@ -72,7 +76,7 @@ class SceneJob:
         if job.status == 0:
             self._replaced.end()
             if self._save:
-                self._show_and_save()
+                self._show_and_save(job.result)
             return
         untouched = self._replaced.untouched()
         with contextlib.suppress(JobError):

@@ -111,7 +111,8 @@ MF_API mf_status mf_estimate(const char* json, const char* base_folder,
 MF_API mf_status mf_validate(const char* json, const char* base_folder,
                              const mf_job_options* options, char** text);
 /* What a capture is like: frames, points, spacing, noise, jumps, labels, …
- * `options`: NULL or keys of a job's capture (`unit`, `up`, `fps`, `markers`, …). */
+ * `options`: NULL or keys of a job's capture (`unit`, `up`, `fps`, `markers`, …); of images also
+ * `scene_fps`, the rate of those that have no times. */
 MF_API mf_status mf_capture_summary(const char* path, const char* options_json, char** text);
 /* Writes what a viewport shows of a file of Gaussian splats to the file `npz`: places, turns,
  * sizes, colours (job/run/splat_points.hpp says which arrays). `options`: NULL or {"most",

@@ -12,22 +12,44 @@ namespace matterfit::capture {
 namespace {
 
 constexpr double kSmallestChroma = 0.02;
-constexpr int kMixed = 1;   ///< width of the band that is mixed with what is behind [pixels]
-constexpr int kBehind = 2;  ///< width of what is looked at behind it
+constexpr int kReachBehind =
+    3;  ///< how far from an edge's pixel what is behind it is looked at [pixels]
 constexpr double kMostAround = 0.9;
+
+enum class Part : std::uint8_t { kBehind, kEdge, kBody };
 
 Vec3d chroma(const Vec3d& colour) { return colour.array() - colour.mean(); }
 
-/// How much of the key's chroma the pixels around the body have: those of a band and two beside it.
-double share_around(const std::vector<double>& share, const std::vector<int>& distance) {
+/// The middle of how much of the key's chroma the pixels around a place have that are neither of
+/// the body nor of its edge; 0 without any.
+double share_around(const std::vector<double>& share, const std::vector<Part>& part, int width,
+                    int height, std::size_t place) {
+  const int x = int(place % std::size_t(width));
+  const int y = int(place / std::size_t(width));
   std::vector<double> around;
-  for (std::size_t i = 0; i < share.size(); ++i) {
-    if (distance[i] > kMixed && distance[i] <= kMixed + kBehind) around.push_back(share[i]);
+  for (int j = std::max(0, y - kReachBehind); j <= std::min(height - 1, y + kReachBehind); ++j) {
+    for (int i = std::max(0, x - kReachBehind); i <= std::min(width - 1, x + kReachBehind); ++i) {
+      const std::size_t at = std::size_t(j) * std::size_t(width) + std::size_t(i);
+      if (part[at] == Part::kBehind) around.push_back(share[at]);
+    }
   }
   if (around.empty()) return 0.0;
   const auto middle = around.begin() + std::ptrdiff_t(around.size() / 2);
   std::ranges::nth_element(around, middle);
   return std::clamp(*middle, 0.0, kMostAround);
+}
+
+/// The parts of an image by its body, `matte` above ½: the edge is a pixel wide on either side.
+std::vector<Part> parts_of(const std::vector<std::uint8_t>& matte, int width, int height) {
+  const auto is_body = [&](std::size_t at) { return matte[at] >= kHalfCovered; };
+  std::vector<Part> parts(matte.size());
+  for (std::size_t at = 0; at < parts.size(); ++at) {
+    parts[at] = is_body(at) ? Part::kBody : Part::kBehind;
+    for_neighbours(at, width, height, [&](std::size_t next) {
+      if (is_body(next) != is_body(at)) parts[at] = Part::kEdge;
+    });
+  }
+  return parts;
 }
 
 }  // namespace
@@ -55,13 +77,17 @@ KeyedMatte keyed_matte(const Bitmap& image, const ColourKey& key) {
     share[i] = along / size;
     result.alpha[i] = alpha(share[i] / std::max(1.0, colour.mean() / key.colour.mean()));
   }
+  const std::vector<std::uint8_t> all = result.alpha;
   result.kept = keep_largest_region(result.alpha, image.width, image.height);
-  const std::vector<int> distance =
-      distances_from(result.alpha, image.width, image.height, kMixed + kBehind);
-  const double around = share_around(share, distance);
+  const std::vector<Part> part = parts_of(result.alpha, image.width, image.height);
   for (std::size_t i = 0; i < share.size(); ++i) {
-    if (distance[i] == 0) result.alpha[i] = std::max(result.alpha[i], alpha(share[i]));
-    if (distance[i] > 0 && distance[i] <= kMixed) {
+    const bool other = all[i] >= kHalfCovered && result.alpha[i] < kHalfCovered;  // region
+    if (other || part[i] == Part::kBehind) {
+      result.alpha[i] = 0;
+    } else if (part[i] == Part::kBody) {
+      result.alpha[i] = std::max(result.alpha[i], alpha(share[i]));
+    } else {
+      const double around = share_around(share, part, image.width, image.height, i);
       result.alpha[i] = alpha((share[i] - around) / (1.0 - around));
     }
   }

@@ -15,7 +15,8 @@ namespace matterfit::capture {
 /// the body covers by a third, before grey, has 1/3). Alpha rises from 0 at range[0] to 1 at
 /// range[1]; a pixel whose chroma points elsewhere than the key's, by more than 45°, has none. What
 /// is brighter than the key has to have as much more chroma: a bright wall with a tint is not a
-/// dark body. At the body's edge the chroma of what is around it counts as none.
+/// dark body. Along the body's edge, a pixel on each side, the chroma of what is around it there
+/// counts as none.
 struct ColourKey {
   Vec3d colour = Vec3d::Zero();             ///< sRGB, 0 to 1; not grey
   std::array<double, 2> range{0.25, 0.75};  ///< of s
@@ -26,9 +27,9 @@ struct KeyedMatte {
   double kept = 1.0;                ///< share of the body's pixels that the largest region has
 };
 
-/// Of the regions of the body, pixels above ½ that share an edge, only the largest is kept, and
-/// the pixels beside it. Throws Error(kInput) for a grey key or a range that does not
-/// rise.
+/// The matte of an image. Regions are of pixels above ½ that share an edge; the largest is the
+/// body, and pixels beside it are its edge. Throws Error(kInput) for a grey key or a range that
+/// does not rise.
 [[nodiscard]] KeyedMatte keyed_matte(const Bitmap& image, const ColourKey& key);
 
 }  // namespace matterfit::capture

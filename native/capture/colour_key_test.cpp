@@ -4,6 +4,8 @@
 #include <gtest/gtest.h>
 
 #include <array>
+#include <cmath>
+#include <cstdint>
 
 #include "base/error.hpp"
 
@@ -72,6 +74,44 @@ TEST(ColourKey, ABrightWallWithATintIsNoDarkBody) {
   EXPECT_EQ(at(2, 6), 0) << "the wall beside the body";
   EXPECT_NEAR(at(6, 3), 128, 12) << "half covered";
   EXPECT_EQ(matte.kept, 1.0);
+}
+
+/// Edges covered by a share, each side of the body before another background.
+TEST(ColourKey, TheEdgeCoversWhatItCovers) {
+  const std::array<int, 3> body = {0, 60, 120};
+  const std::array<int, 3> wall = {120, 150, 180};  // half of the body's chroma, and brighter
+  const std::array<int, 3> floor = {90, 90, 90};
+  for (const double covered : {0.2, 0.5, 0.8}) {
+    Bitmap image(40, 40);
+    const auto mixed = [&](const std::array<int, 3>& behind) {
+      std::array<std::uint8_t, 3> colour{};
+      for (std::size_t c = 0; c < 3; ++c) {
+        colour[c] =
+            static_cast<std::uint8_t>(std::lround(covered * body[c] + (1.0 - covered) * behind[c]));
+      }
+      return colour;
+    };
+    for (int y = 0; y < 40; ++y) {
+      for (int x = 0; x < 40; ++x) {
+        const std::array<int, 3>& behind = y < 14 ? wall : floor;
+        const bool inside = x >= 10 && x < 30 && y >= 10 && y < 30;
+        const bool edge = !inside && x >= 9 && x <= 30 && y >= 9 && y <= 30;
+        const std::array<int, 3>& flat = inside ? body : behind;
+        set(image, x, y,
+            edge ? mixed(behind)
+                 : std::array<std::uint8_t, 3>{std::uint8_t(flat[0]), std::uint8_t(flat[1]),
+                                               std::uint8_t(flat[2])});
+      }
+    }
+    set(image, 31, 31, {0, 60, 120});  // meets the edge's corner alone
+    ColourKey key;
+    key.colour = Vec3d(0, 60, 120) / 255.0;
+    key.range = {0.0, 1.0};
+    const KeyedMatte matte = keyed_matte(image, key);
+    double area = 0.0;
+    for (const std::uint8_t value : matte.alpha) area += value / 255.0;
+    EXPECT_NEAR(area, 400.0 + 84.0 * covered, 3.0) << covered;
+  }
 }
 
 TEST(ColourKey, AGreyKeyAndARangeThatFallsAreRefused) {

@@ -199,6 +199,7 @@ Bitmap decode(std::span<const std::byte> bytes, const Head& head, const std::str
   const Window& display = head.display;
   Bitmap bitmap(display.width(), display.height());
   bitmap.has_alpha = rows.has_alpha();
+  bitmap.was_light = true;
   if (!bitmap.has_alpha) {
     for (std::size_t i = 0; i < bitmap.pixels(); ++i) bitmap.rgba[4 * i + 3] = 255;
   }

@@ -16,6 +16,7 @@
 #include "base/interrupter.hpp"
 #include "capture/image_file.hpp"
 #include "capture/lens.hpp"
+#include "capture/srgb.hpp"
 #include "capture/tracks.hpp"
 
 namespace matterfit::capture {
@@ -94,13 +95,17 @@ void check_size(const Bitmap& bitmap, const splat::Camera& camera, const fs::pat
               ". Scale the image, or the camera's lens with its size.");
 }
 
-/// Alpha where there is some, else brightness: mattes are white on black.
+/// Alpha where there is some, else brightness: mattes are white on black. What was light is taken
+/// as light, so that a pixel that is covered by half is a half.
 std::vector<std::uint8_t> coverage(const Bitmap& bitmap) {
   std::vector<std::uint8_t> matte(bitmap.pixels());
   for (std::size_t i = 0; i < matte.size(); ++i) {
     const std::uint8_t* rgba = bitmap.rgba.data() + 4 * i;
-    matte[i] =
-        bitmap.has_alpha ? rgba[3] : static_cast<std::uint8_t>((rgba[0] + rgba[1] + rgba[2]) / 3);
+    const int grey = (rgba[0] + rgba[1] + rgba[2]) / 3;
+    const int value = bitmap.has_alpha   ? rgba[3]
+                      : bitmap.was_light ? int(std::lround(255.0F * linear_of_bytes()[grey]))
+                                         : grey;
+    matte[i] = static_cast<std::uint8_t>(value);
   }
   return matte;
 }
@@ -223,7 +228,8 @@ void state_missing(const ImageClip& clip, const std::vector<std::size_t>& count,
     if (count[k] == clip.times.size()) continue;
     statements.push_back(clip.source + ": camera " + std::to_string(k) + " has " +
                          std::to_string(count[k]) + " images of " +
-                         std::to_string(clip.times.size()) + " times; none is made up for.");
+                         std::to_string(clip.times.size()) +
+                         " times; no other image stands in for those that are missing.");
   }
 }
 

@@ -7,8 +7,6 @@
 #include "capture/spherical_harmonics.hpp"
 
 namespace matterfit::capture {
-namespace {}  // namespace
-
 splat::Gaussians particle_gaussians(std::span<const Vec3f> positions,
                                     std::span<const Mat3f> deformation_gradients, double size) {
   if (!deformation_gradients.empty() && deformation_gradients.size() != positions.size()) {

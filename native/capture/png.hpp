@@ -17,6 +17,7 @@ struct Bitmap {
   int width = 0;
   int height = 0;
   bool has_alpha = false;          ///< the file had one; without, alpha is 255
+  bool was_light = false;          ///< colours were linear in light, and are coded as sRGB here
   std::vector<std::uint8_t> rgba;  ///< (height, width, 4)
 
   Bitmap() = default;

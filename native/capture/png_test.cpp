@@ -3,10 +3,12 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <png.h>
 #include <unistd.h>
 
 #include <filesystem>
 #include <string>
+#include <vector>
 
 #include "base/error.hpp"
 #include "base/file.hpp"
@@ -47,6 +49,31 @@ TEST(Png, WhatIsWrittenIsReadAgain) {
     EXPECT_EQ(after.has_alpha, alpha);
     EXPECT_EQ(after.rgba, before.rgba);
   }
+}
+
+/// Without gAMA and sRGB a sample of 16 bits means what its high byte means.
+TEST(Png, SixteenBitsAreRoundedToEight) {
+  std::vector<std::byte> bytes;
+  png_structp png = png_create_write_struct(PNG_LIBPNG_VER_STRING, nullptr, nullptr, nullptr);
+  png_infop info = png_create_info_struct(png);
+  png_set_write_fn(
+      png, &bytes,
+      [](png_structp to, png_bytep data, png_size_t size) {
+        auto* into = static_cast<std::vector<std::byte>*>(png_get_io_ptr(to));
+        const auto* first = reinterpret_cast<const std::byte*>(data);
+        into->insert(into->end(), first, first + size);
+      },
+      nullptr);
+  png_set_IHDR(png, info, 2, 1, 16, PNG_COLOR_TYPE_GRAY, PNG_INTERLACE_NONE,
+               PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
+  png_write_info(png, info);
+  const png_byte row[] = {51, 51, 200, 200};
+  png_write_row(png, row);
+  png_write_end(png, info);
+  png_destroy_write_struct(&png, &info);
+  const Bitmap bitmap = parse_png(bytes, "deep.png");
+  EXPECT_EQ(bitmap.rgba[0], 51);
+  EXPECT_EQ(bitmap.rgba[4], 200);
 }
 
 TEST(Png, WhatIsNoneIsRefusedByName) {

@@ -15,6 +15,7 @@ from .files import number, numbers
 from .nodes import relative_path
 
 SENSOR = 36.0
+SAME = 1e-4  # of a camera's matrix and lens, beside where it is told to stand
 # Properties of the cameras that we add: the capture and the number, matrix and lens by the file alone.
 CAPTURE, NUMBER, PLACE, LENS = ("matterfit_capture", "matterfit_camera", "matterfit_place",
                                 "matterfit_lens")
@@ -52,27 +53,33 @@ def shot(scene, camera, name, world=None, scale=1.0, size=None):
             "cx": number(-left * width / (right - left)), "cy": number(high * height / (high - low))}
 
 
-def add_cameras(scene, name, places):
-    """Camera objects at the places of a summary, in their order, in a collection of their own."""
+def add_cameras(capture, places):
+    """Camera objects at the places of a capture's summary, in their order, in a collection of their own."""
+    scene, name = capture.id_data, capture.name
     collection = bpy.data.collections.new(name)
     scene.collection.children.link(collection)
     units = 1.0 / scene.unit_settings.scale_length
     items = []
     for k, told in enumerate(places):
         data = bpy.data.cameras.new(f"{name} {k}")
-        width, height = told["width"], told["height"]
-        longer = max(width, height)
-        data.sensor_fit = "HORIZONTAL" if width >= height else "VERTICAL"
-        data.sensor_width = data.sensor_height = SENSOR
-        data.lens = SENSOR * (told["fx"] if width >= height else told["fy"]) / longer
-        data.shift_x = (0.5 * width - told["cx"]) / longer
-        data.shift_y = (told["cy"] - 0.5 * height) / longer
+        _set_lens(data, told)
         item = bpy.data.objects.new(data.name, data)
         item.matrix_world = _matrix(told, units)
         collection.objects.link(item)
         items.append(item)
-    tag(items, name)
+    tag(items, capture)
     return items
+
+
+def _set_lens(data, told):
+    """That of a place of a summary."""
+    width, height = told["width"], told["height"]
+    longer = max(width, height)
+    data.sensor_fit = "HORIZONTAL" if width >= height else "VERTICAL"
+    data.sensor_width = data.sensor_height = SENSOR
+    data.lens = SENSOR * (told["fx"] if width >= height else told["fy"]) / longer
+    data.shift_x = (0.5 * width - told["cx"]) / longer
+    data.shift_y = (told["cy"] - 0.5 * height) / longer
 
 
 def _matrix(told, units):
@@ -83,40 +90,74 @@ def _matrix(told, units):
 
 
 def read_again(capture, places):
-    """The capture's cameras stand where a new summary says: its unit or up axis is another one."""
+    """The capture's cameras stand where a new summary says: its unit, its up axis or its file is another."""
     units = 1.0 / capture.id_data.unit_settings.scale_length
     for k, item in of_capture(capture.id_data, capture.name).items():
         if k < len(places):
             item[PLACE] = [value for row in _matrix(places[k], units) for value in row]
+            _set_lens(item.data, places[k])
+            item[LENS] = item.data.lens
     place(capture)
 
 
 def of_capture(scene, name):
-    """{number: camera object} of those that were added for a capture."""
-    return {item[NUMBER]: item for item in scene.objects
-            if item.type == "CAMERA" and item.get(CAPTURE) == name}
+    """{number: camera object} of those that were added for a capture; of one and its copies the one with the
+    shortest name."""
+    found = sorted(_tagged(scene, name), key=lambda item: (len(item.name), item.name), reverse=True)
+    return {item[NUMBER]: item for item in found}
+
+
+def _tagged(scene, name):
+    return [item for item in scene.objects if item.type == "CAMERA" and item.get(CAPTURE) == name]
 
 
 @reactions.capture_moved.done_by
 def place(capture):
     """Moves the cameras of a capture to where their file, its location and rotation, and the poses that a
     fit has found say."""
-    scene = capture.id_data
-    units = 1.0 / scene.unit_settings.scale_length
+    for item in of_capture(capture.id_data, capture.name).values():
+        item.matrix_world, item.data.lens = _told(capture, item)
+
+
+def _told(capture, item):
+    """(matrix, lens) of a camera of a capture."""
+    units = 1.0 / capture.id_data.unit_settings.scale_length
+    poses, k = camera_poses.read(capture.poses), item[NUMBER]
+    pose = poses[k] if k < len(poses) else {}
+    told = list(item[PLACE])
     moved = Matrix.Translation(capture.location) @ Euler(capture.rotation).to_matrix().to_4x4()
-    poses = camera_poses.read(capture.poses)
-    for k, item in of_capture(scene, capture.name).items():
-        pose = poses[k] if k < len(poses) else {}
-        told = list(item[PLACE])
-        matrix = moved @ Matrix([told[row:row + 4] for row in range(0, 16, 4)])
-        # The document's camera looks along z with y down, Blender's along −z with y up.
-        x, y, z = pose.get("turn", (0.0, 0.0, 0.0))
-        turn = Vector((x, -y, -z))
-        if turn.length > 0.0:
-            matrix = matrix @ Matrix.Rotation(turn.length, 4, turn.normalized())
-        matrix.translation += Vector(pose.get("shift", (0.0, 0.0, 0.0))) * units
-        item.matrix_world = matrix
-        item.data.lens = item[LENS] * (1.0 + pose.get("focal", 0.0))
+    matrix = moved @ Matrix([told[row:row + 4] for row in range(0, 16, 4)])
+    # The document's camera looks along z with y down, Blender's along −z with y up.
+    x, y, z = pose.get("turn", (0.0, 0.0, 0.0))
+    turn = Vector((x, -y, -z))
+    if turn.length > 0.0:
+        matrix = matrix @ Matrix.Rotation(turn.length, 4, turn.normalized())
+    matrix.translation += Vector(pose.get("shift", (0.0, 0.0, 0.0))) * units
+    return matrix, item[LENS] * (1.0 + pose.get("focal", 0.0))
+
+
+def stands_as_told(capture, item):
+    """Whether an object is a camera of the capture that stands and looks as that has it."""
+    if item is None or item.get(CAPTURE) != capture.name:
+        return False
+    matrix, lens = _told(capture, item)
+    seen = [value for row in item.matrix_world for value in row] + [item.data.lens]
+    told = [value for row in matrix for value in row] + [lens]
+    return all(abs(a - b) <= SAME * max(1.0, abs(b)) for a, b in zip(seen, told, strict=True))
+
+
+@reactions.capture_renamed.done_by
+def keep(capture):
+    """The cameras of a capture are its cameras by another name too."""
+    for item in _tagged(capture.id_data, capture.tagged) if capture.tagged else ():
+        item[CAPTURE] = capture.name
+    capture.tagged = capture.name if capture.tagged else ""
+
+
+def let_go(capture):
+    """The cameras of a capture are nobody's any more."""
+    for item in _tagged(capture.id_data, capture.name):
+        del item[CAPTURE]
 
 
 def set_overlays(camera, paths):
@@ -194,10 +235,11 @@ def numbered(path, number):
     return f"{path[:found.start()]}{number:0{len(found.group(1))}d}{path[found.end():]}"
 
 
-def tag(items, name):
+def tag(items, capture):
     """They are the cameras of the capture, in its order, and stand where its file says."""
+    capture.tagged = capture.name
     for k, item in enumerate(items):
-        item[CAPTURE], item[NUMBER] = name, k
+        item[CAPTURE], item[NUMBER] = capture.name, k
         item[PLACE] = [value for row in item.matrix_world for value in row]
         item[LENS] = item.data.lens
 

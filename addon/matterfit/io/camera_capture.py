@@ -9,7 +9,6 @@ import bpy
 from ..compat import translate
 from ..jobs import JobError
 from . import blender_cameras, files, frames, readable_images
-from .files import number
 
 SAME = 1e-6  # of a camera's matrix and lens from frame to frame
 
@@ -41,7 +40,7 @@ def write(scene, items, folder):
                                          shown.size)
         for frame, path in shown.files:
             name = readable_images.relative(path, folder)
-            shots.append({**of_camera, "file_path": name, "time": number((frame - start) / fps)})
+            shots.append({**of_camera, "file_path": name, "time": (frame - start) / fps})
     return files.write_json(os.path.join(folder, "transforms.json"), {"frames": shots}), start
 
 
@@ -62,7 +61,7 @@ def require_still(scene, item):
             if any(abs(a - b) > SAME * max(1.0, abs(a)) for a, b in zip(known, now, strict=True)):
                 raise JobError(translate(
                     "Camera '{name}' moves: at frame {frame} it stands or looks otherwise than at the first. "
-                    "A capture's cameras stand still. Remove its animation, or film from one that does."
+                    "Remove its animation, or take a camera that stands still."
                 ).format(name=item.name, frame=frame))
 
 

@@ -58,7 +58,7 @@ class Comparison:
 def _files(document, name):
     """(compare file, simulated file, capture) of a capture of a job document."""
     captures = [capture for capture in document.get("captures", [])
-                if "tracks" in capture or "images" not in capture]
+                if "cameras" not in capture]
     chosen = [capture for capture in captures if name in ("", capture["name"])]
     if not chosen:
         raise JobError(f"Compare: '{name}' was not among the captures. Compare again.")

@@ -14,21 +14,22 @@ OVERLAYS = "overlay"
 
 @dataclass
 class ImageComparison:
-    """Masks of the simulation against those of one capture: mean overlap and distance of outlines
-    [pixels, None where none has one], and `frames`, an object an image as the result has it. `colours` and
-    `held_out_colours`: (PSNR [dB], SSIM) of the images that are not held out and of those that are, None
-    where none has colours that can be compared."""
+    """Masks of the simulation against those of one capture: mean overlap (None where no image shows
+    anything), mean distance of outlines [pixels, None where none has one], and `frames`, an object an image
+    as the result has it. `colours` and `held_out_colours`: (PSNR [dB], SSIM) of the images that are not held
+    out and of those that are, None where none has colours that can be compared."""
 
     name: str
-    iou: float
+    iou: float | None
     contour: float | None
     frames: list
     colours: tuple | None = None
     held_out_colours: tuple | None = None
 
     def worst(self, count=10):
-        """The images that agree least, the worst first."""
-        return sorted(self.frames, key=lambda frame: (frame["iou"], frame["frame"]))[:count]
+        """The images that agree least, the worst first; those that show nothing are left out."""
+        seen = [frame for frame in self.frames if frame["iou"] is not None]
+        return sorted(seen, key=lambda frame: (frame["iou"], frame["frame"]))[:count]
 
 
 def load(folder, name=""):
@@ -37,11 +38,12 @@ def load(folder, name=""):
     try:
         report = files.read_json(os.path.join(folder, REPORT))
         found = [images for images in report.get("compare", {}).get("images", [])
-                 if name in ("", images["name"]) and "iou" in images]
+                 if name in ("", images["name"]) and ("iou" in images or images.get("empty"))]
         if not found:
             return None
         images = found[0]
-        return ImageComparison(images["name"], float(images["iou"]), images["contour_px"],
+        iou = images.get("iou")
+        return ImageComparison(images["name"], None if iou is None else float(iou), images.get("contour_px"),
                                images["frames"], _colours(images.get("not_held_out", images)),
                                _colours(images.get("held_out", {})))
     except (JobError, OSError, ValueError, KeyError, TypeError, AttributeError):

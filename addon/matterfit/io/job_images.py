@@ -95,12 +95,18 @@ def _key_range(capture, where):
     return [low, high]
 
 
+def _prefix(capture):
+    """For inputs of this capture alone: names that look alike in a file's name may be two captures'."""
+    index = next(k for k, row in enumerate(capture.id_data.matterfit.captures) if row == capture)
+    return f"{files.safe_name(capture.name)}_{index}"
+
+
 def _plate(capture, path, relative, put):
     if not readable_images.is_foreign(path):
         return relative(path)
     ready = readable_images.converted(path)
     stem, ending = os.path.splitext(os.path.basename(path))[0], os.path.splitext(ready)[1]
-    return put(f"plate_{files.safe_name(capture.name)}_{stem}{ending}", ready) if put else ready
+    return put(f"plate_{_prefix(capture)}_{stem}{ending}", ready) if put else ready
 
 
 def read_summary(capture, reader):
@@ -115,6 +121,8 @@ def read_summary(capture, reader):
             path, originals = ready
             options.pop("images", None)
         options["cameras"] = path
+        render = capture.id_data.render
+        options["scene_fps"] = render.fps / render.fps_base
         found = reader(path, options)
     finally:
         shutil.rmtree(folder, ignore_errors=True)
@@ -145,7 +153,7 @@ class ImagePart:
         found.update(reading_options(capture, writer.relative, writer.put_input))
         ready = readable_images.cameras(
             absolute(capture.filepath), absolute(capture.images) if capture.images else "",
-            os.path.join(writer.folder, job_writer.INPUT_FOLDER), writer.put_input, self._prefix())
+            os.path.join(writer.folder, job_writer.INPUT_FOLDER), writer.put_input, _prefix(capture))
         if ready is not None:
             found["cameras"] = ready[0]
             found.pop("images", None)
@@ -171,11 +179,6 @@ class ImagePart:
         if holdout:
             found["holdout"] = holdout
         return found
-
-    def _prefix(self):
-        """For inputs of this capture alone: names that look alike in a file's name may be two captures'."""
-        index = next(k for k, row in enumerate(self.capture.id_data.matterfit.captures) if row == self.capture)
-        return f"{files.safe_name(self.capture.name)}_{index}"
 
     def _cameras(self):
         path = absolute(self.capture.filepath)

@@ -1,23 +1,24 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the task `render` draws: a take through the scene's camera."""
+"""What the task `render` draws: a take through the scene's camera, and its pictures there."""
 
 import os
 
+import bpy
+
 from . import blender_cameras, camera_capture, files, job_writer
+from .nodes import relative_path
 
 CAMERAS = "render_camera"
-PICTURES = "render"  # the folder of the pictures below the cache's, one a camera in it
-
 
 def document(writer, captures):
-    """The document's `render`: the scene's camera; where that is one of a capture's, as the capture has it.
-    `captures`: the document's. JobError without a camera, or for one that moves."""
+    """The document's `render`: the scene's camera; where that is one of a capture's and stands as that has it,
+    the capture's. `captures`: the document's. JobError without a camera, or for one that moves."""
     scene = writer.scene
     camera = scene.camera
-    if camera is not None:
-        of_capture = camera.get(blender_cameras.CAPTURE)
-        if any("cameras" in capture and capture["name"] == of_capture for capture in captures):
-            return {"capture": of_capture, "camera": int(camera[blender_cameras.NUMBER])}
+    for capture in writer.settings.captures:
+        told = any("cameras" in other and other["name"] == capture.name for other in captures)
+        if told and blender_cameras.stands_as_told(capture, camera):
+            return {"capture": capture.name, "camera": int(camera[blender_cameras.NUMBER])}
     shot = blender_cameras.shot(scene, camera, "view", None, writer.scale)
     camera_capture.require_still(scene, camera)
     relative = f"{job_writer.INPUT_FOLDER}/{CAMERAS}.json"
@@ -26,7 +27,12 @@ def document(writer, captures):
     return {"cameras": relative}
 
 
-def pictures(folder, result):
-    """The first picture of a finished render and how many there are of its camera."""
+def show(camera, folder, result):
+    """Shows the pictures of a finished render behind what the camera sees, each at its frame."""
     found = result["render"]["files"]
-    return os.path.join(folder, found[0]), len(found)
+    first = os.path.join(folder, found[0])
+    image = bpy.data.images.load(first, check_existing=True)
+    image.filepath = relative_path(first)
+    image.reload()
+    image[blender_cameras.DRAWN] = True
+    blender_cameras.show_sequence(camera, image, result["frames"][0], len(found))

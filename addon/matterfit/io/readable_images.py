@@ -11,7 +11,6 @@ import bpy
 from ..compat import translate
 from ..jobs import JobError
 from . import files
-from .files import number
 
 # Endings of what the library reads itself; a name without an ending is that of a .png.
 READ = (".png", ".jpg", ".jpeg", ".exr", "")
@@ -61,7 +60,7 @@ def cameras(path, images, folder, put, prefix=""):
                 if key == "file_path":
                     originals[one[key]] = source
             if movie:
-                one["time"] = number(float(shot.get("time", 0.0)) + n / fps)
+                one["time"] = float(shot.get("time", 0.0)) + n / fps
             found.append(one)
     written = {**document, "frames": found} if isinstance(document, dict) else found
     scratch = tempfile.mkdtemp(prefix="matterfit_cameras_", dir=bpy.app.tempdir or None)

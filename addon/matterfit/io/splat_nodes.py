@@ -11,12 +11,11 @@ TURN, SIZE, COLOUR, OPACITY = "splat_turn", "splat_size", "splat_colour", "splat
 MATERIAL = "Matterfit Splats"
 
 
-def ellipsoids_tree(name, crop, threshold):
-    """A mesh's vertices as ellipsoids by their attributes: those of at least the opacity `threshold`, and
-    in the box of the object `crop` (None: all) along the axes of the object that is shown. The box follows
-    the object; an empty is a box of its size."""
-    tree = bpy.data.node_groups.get(name)
-    if tree is None or tree.type != "GEOMETRY":
+def ellipsoids_tree(tree, name, crop, threshold):
+    """A mesh's vertices as ellipsoids by their attributes, by `tree` or, where that is None, a new one of that
+    name: those of at least the opacity `threshold`, and in the box of the object `crop` (None: all) along the
+    axes of the object that is shown. The box follows the object; an empty is a box of its size."""
+    if tree is None:
         tree = bpy.data.node_groups.new(name, "GeometryNodeTree")
         compat.add_group_socket(tree, "Geometry", "INPUT", "NodeSocketGeometry")
         compat.add_group_socket(tree, "Geometry", "OUTPUT", "NodeSocketGeometry")

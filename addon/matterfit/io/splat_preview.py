@@ -81,8 +81,7 @@ def follow(body):
     scale = body.file_scale / transforms.metres(body.id_data)
     item.matrix_world = transforms.upright(body.file_up).to_matrix().to_4x4() @ Matrix.Scale(scale, 4)
     modifier = item.modifiers.get(MODIFIER) or item.modifiers.new(MODIFIER, "NODES")
-    tree = modifier.node_group
-    modifier.node_group = splat_nodes.ellipsoids_tree(tree.name if tree is not None else item.name, body.crop,
+    modifier.node_group = splat_nodes.ellipsoids_tree(modifier.node_group, item.name, body.crop,
                                                       body.opacity_threshold)
 
 

@@ -143,8 +143,15 @@ def finished_frames(take):
         return 0
     with contextlib.suppress(JobError):
         found = cache.manifest(location.folder)
-        return found.get("frames_baked", 0) if found.get("complete") else 0
+        return found.get("frames_baked", 0) if _is_whole(found) else 0
     return 0
+
+
+def _is_whole(manifest):
+    """Whether all frames of a cache were baked: a comparison or a rendering that goes on from a bake that was
+    broken off simulates them alone."""
+    first, end = manifest.get("frames", (0, 0))
+    return bool(manifest.get("complete")) and 0 < end - first <= manifest.get("frames_baked", 0)
 
 
 def frames_on_disk(take):
@@ -178,7 +185,7 @@ def look_at_disk(settings):
         with contextlib.suppress(JobError):
             document = cache.manifest(location.folder) if location.exists else {}
         take.frames_done = min(document.get("frames_baked", 0), MOST_FRAMES)
-        take.baked = bool(document.get("complete")) and take.frames_done > 0
+        take.baked = _is_whole(document)
         lost = lost or before > 0 and not take.frames_done
     if lost:
         visibility.show_take(settings)

@@ -127,6 +127,7 @@ class MATTERFIT_OT_remove_capture(PlainOperator, bpy.types.Operator):
 
     def act(self, context):
         settings = context.scene.matterfit
+        blender_cameras.let_go(scene_props.active_capture(settings))
         remove_active(settings, "captures", "capture_index")
         fit_rows.refresh(settings)
 

@@ -72,6 +72,9 @@ def summary(found, job):
 
 
 def image_summary(found, job):
+    if found.iou is None:
+        return translate("No image shows the body, in the recording or the simulation; compared in {time}"
+                         ).format(time=jobs.duration_text(job.elapsed))
     return translate("Outlines overlap by {share} %, in {time}").format(
         share=f"{100.0 * found.iou:.1f}", time=jobs.duration_text(job.elapsed))
 

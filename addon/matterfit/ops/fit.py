@@ -109,7 +109,15 @@ class FitJob(JobOperator):
 
 
 def summary(result, job):
-    """What a finished fit says in one line: the held-out error where there is one."""
+    """What a finished fit says in one line: the held-out error where there is one; of images alone how their
+    outlines agree."""
+    if not result.fitted.after and result.outlines:
+        held_out = "held_out" in result.outlines
+        before, after = result.outlines["held_out" if held_out else "fitted"]
+        words = (translate("Held-out outlines overlap by {before} → {after} %, in {time}") if held_out else
+                 translate("Fitted outlines overlap by {before} → {after} %, in {time}"))
+        return words.format(before=f"{100.0 * before:.1f}", after=f"{100.0 * after:.1f}",
+                            time=jobs.duration_text(job.elapsed))
     words, measure = translate("Fitted error {before} → {after} mm, in {time}"), result.fitted
     if result.held_out.after:
         words, measure = translate("Held-out error {before} → {after} mm, in {time}"), result.held_out

@@ -3,9 +3,10 @@
 
 import itertools
 import os
+import shutil
 
 import bpy
-from bpy.props import BoolProperty, EnumProperty, StringProperty
+from bpy.props import BoolProperty, EnumProperty, FloatVectorProperty, StringProperty
 from bpy_extras.io_utils import ImportHelper
 
 from ..compat import translate
@@ -17,7 +18,23 @@ from .base import PlainOperator, greyed
 from .capture import blend_relative, import_file
 
 
-class MATTERFIT_OT_import_images(PlainOperator, bpy.types.Operator, ImportHelper):
+class MatteOptions:
+    """How the capture that an operator adds gets its mattes."""
+
+    plate: StringProperty(
+        name="Clean Plate", subtype="FILE_PATH",
+        description="An image without the body, one of a numbered file a camera: mattes are what "
+                    "differs from it. Empty: the images' own mattes")
+    use_key: BoolProperty(name="Key", default=False, description="Make mattes by the body's colour below")
+    key: FloatVectorProperty(name="Key Colour", subtype="COLOR_GAMMA", size=3, default=(0.0, 0.4, 0.6), min=0.0,
+                             max=1.0, description="The body's colour, as the images show it")
+
+    def mattes(self):
+        return {"use_plate": bool(self.plate), "plate": blend_relative(self.plate),
+                "use_key": self.use_key, "key": self.key}
+
+
+class MATTERFIT_OT_import_images(MatteOptions, PlainOperator, bpy.types.Operator, ImportHelper):
     bl_idname = "matterfit.import_images"
     bl_label = "Import Images"
     bl_description = ("Add a recording by images: a transforms.json (Nerfstudio, Blender-NeRF) or "
@@ -32,11 +49,6 @@ class MATTERFIT_OT_import_images(PlainOperator, bpy.types.Operator, ImportHelper
                           description="Add a camera object for each camera of the file, with its images "
                                       "behind what it sees")
 
-    plate: StringProperty(
-        name="Clean Plate", subtype="FILE_PATH",
-        description="An image without the body, one of a numbered file a camera: mattes are what "
-                    "differs from it. Empty: the images' own mattes")
-
     def act(self, context):
         path = self.filepath
         if os.path.isfile(path):
@@ -46,11 +58,11 @@ class MATTERFIT_OT_import_images(PlainOperator, bpy.types.Operator, ImportHelper
                     "{path}: cameras are a .json file or a COLMAP model. Choose one of these."
                 ).format(path=path))
         found = import_file(context, job_images.clip_name(path), path, source="IMAGES", up=self.up,
-                            use_plate=bool(self.plate), plate=blend_relative(self.plate))
+                            **self.mattes())
         if self.cameras:
             scene = context.scene
             capture = scene.matterfit.captures[scene.matterfit.capture_index]
-            cameras = blender_cameras.add_cameras(scene, capture.name, found["places"])
+            cameras = blender_cameras.add_cameras(capture, found["places"])
             seconds = (found["times"] - 1) * scene.render.fps_base / scene.render.fps
             same_rate = abs(found["duration"] - seconds) < 0.01 * seconds
             blender_cameras.show_photographs(
@@ -58,7 +70,7 @@ class MATTERFIT_OT_import_images(PlainOperator, bpy.types.Operator, ImportHelper
                 frames.frame_range(scene)[0], found["times"] if same_rate else 1)
 
 
-class MATTERFIT_OT_capture_cameras(PlainOperator, bpy.types.Operator):
+class MATTERFIT_OT_capture_cameras(MatteOptions, PlainOperator, bpy.types.Operator):
     bl_idname = "matterfit.capture_cameras"
     bl_label = "Capture from Cameras"
     bl_description = ("Add a recording by the images behind the views of the scene's cameras (of the selected "
@@ -66,11 +78,6 @@ class MATTERFIT_OT_capture_cameras(PlainOperator, bpy.types.Operator):
                       "the .blend")
 
     name: StringProperty(name="Name", default="cameras", description="The capture's name")
-    plate: StringProperty(
-        name="Clean Plate", subtype="FILE_PATH",
-        description="An image without the body, one of a numbered file a camera: mattes are what "
-                    "differs from it. Empty: the images' own mattes")
-
     @classmethod
     def poll(cls, context):
         return greyed(cls, not camera_capture.cameras(context.scene),
@@ -88,13 +95,16 @@ class MATTERFIT_OT_capture_cameras(PlainOperator, bpy.types.Operator):
         if os.path.exists(folder):  # another capture's, of a name that is written alike, or of before undo
             folder = next(other for n in itertools.count(2) if not os.path.exists(other := f"{folder}_{n}"))
         path, start = camera_capture.write(scene, items, folder)
-        found = import_file(context, name, path, source="IMAGES", use_plate=bool(self.plate),
-                            plate=blend_relative(self.plate))
+        try:
+            found = import_file(context, name, path, source="IMAGES", **self.mattes())
+        except JobError:
+            shutil.rmtree(folder, ignore_errors=True)
+            raise
         capture = scene.matterfit.captures[scene.matterfit.capture_index]
         if start != frames.frame_range(scene)[0]:
             capture.use_start_frame, capture.start_frame = True, start
         if len(found["places"]) == len(items):  # of one place and lens are one camera
-            blender_cameras.tag(items, capture.name)
+            blender_cameras.tag(items, capture)
 
 
 CLASSES = (MATTERFIT_OT_import_images, MATTERFIT_OT_capture_cameras)

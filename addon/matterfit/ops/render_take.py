@@ -5,8 +5,7 @@ import bpy
 
 from .. import native
 from ..compat import translate
-from ..io import blender_cameras, job_render, takes
-from ..io.nodes import relative_path
+from ..io import job_render, takes
 from .base import greyed
 from .job_operator import JobOperator
 from .launch import AFRESH_WHERE_CHANGED, GO_ON, preparing, start_job
@@ -40,14 +39,8 @@ class MATTERFIT_OT_render_take(JobOperator, bpy.types.Operator):
             self.report({"WARNING"}, note)
         scene, _take = takes.find(job.folder)
         camera = scene.objects.get(self.camera) if scene is not None else None
-        if camera is None:  # removed meanwhile
-            return
-        first, count = job_render.pictures(job.folder, job.result)
-        image = bpy.data.images.load(first, check_existing=True)
-        image.filepath = relative_path(first)
-        image.reload()
-        image[blender_cameras.DRAWN] = True
-        blender_cameras.show_sequence(camera, image, job.result["frames"][0], count)
+        if camera is not None:  # else it was removed meanwhile
+            job_render.show(camera, job.folder, job.result)
 
 
 CLASSES = (MATTERFIT_OT_render_take,)

@@ -127,6 +127,8 @@ class MATTERFIT_OT_render_splats(JobOperator, bpy.types.Operator, ImportHelper):
             self.report({"WARNING"}, note)
         if self.background:
             blender_cameras.set_background(context.scene.camera, image)
+        else:
+            image.use_fake_user = True  # nothing shows it, and what nothing uses is not saved
 
 
 class MATTERFIT_OT_flip_photograph(PlainOperator, bpy.types.Operator):

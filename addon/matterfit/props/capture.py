@@ -46,6 +46,7 @@ def _list_outdated(self, _context):
 def _renamed(self, context):
     outdated(self, context)
     _list_outdated(self, context)
+    reactions.capture_renamed(self)
 
 
 class MatterfitCapture(bpy.types.PropertyGroup):
@@ -152,6 +153,9 @@ class MatterfitCapture(bpy.types.PropertyGroup):
     poses: StringProperty(
         name="Camera Poses", update=outdated,
         description="How cameras stand against what their file says, as a fit has found it")
+    tagged: StringProperty(
+        name="Cameras Of", options={"HIDDEN"},
+        description="The name by which the scene's cameras know this capture; empty: it has none")
     use_key: BoolProperty(
         name="Key", default=False, update=_reread,
         description="Make mattes by the body's colour below, in place of the images' own")

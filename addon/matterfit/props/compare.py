@@ -68,7 +68,7 @@ def _store_images(compare, images):
     if images is None:
         return
     compare.capture = images.name
-    compare.iou = images.iou
+    compare.iou = -1.0 if images.iou is None else images.iou
     compare.contour_px = -1.0 if images.contour is None else images.contour
     compare.psnr_db, compare.ssim = images.colours or NONE
     compare.held_out_psnr_db, compare.held_out_ssim = images.held_out_colours or NONE
@@ -125,8 +125,9 @@ class MatterfitCompare(bpy.types.PropertyGroup):
     images_done: BoolProperty(name="Images Compared", default=False,
                               description="A comparison with images is loaded")
     capture: StringProperty(name="Capture", description="Whose images were compared")
-    iou: FloatProperty(name="Overlap", default=0.0, min=0.0, max=1.0, precision=3,
-                       description="Mean of the area of both outlines over that of either")
+    iou: FloatProperty(name="Overlap", default=0.0, min=-1.0, max=1.0, precision=3,
+                       description="Mean of the area of both outlines over that of either; negative: no image "
+                                   "shows anything")
     contour_px: FloatProperty(name="Outlines Off [px]", default=0.0, min=-1.0, max=1e6,
                               soft_max=100.0, precision=2,
                               description="Mean distance between the outlines, in pixels; negative: "

@@ -33,6 +33,7 @@ splats_changed = Reaction()  # (body): file, axes, scale or crop of a body made 
 flow_changed = Reaction()  # (scene): whether anything pours may be otherwise now
 quality_chosen = Reaction()  # (solver, scene)
 separation_typed = Reaction()  # (solver)
+capture_renamed = Reaction()  # (capture)
 capture_moved = Reaction()  # (capture): its location or rotation is another one
 surface_restyled = Reaction()  # (settings): smoothing or offset of surfaces
 grains_restyled = Reaction()  # (settings): how many grains a particle of sand is shown as

@@ -73,7 +73,7 @@ class MATTERFIT_PT_compare(MatterfitPanel, bpy.types.Panel):
         box = layout.box()
         row = box.row()
         row.label(text="Overlap")
-        row.label(text=f"{100.0 * compare.iou:.1f} %", translate=False)
+        row.label(text=f"{100.0 * compare.iou:.1f} %" if compare.iou >= 0.0 else "–", translate=False)
         row = box.row()
         row.label(text="Outlines Off")
         row.label(text=f"{compare.contour_px:.2f} px" if compare.contour_px >= 0.0 else "–",

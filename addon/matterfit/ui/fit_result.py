@@ -78,20 +78,31 @@ class MATTERFIT_PT_fit_result(MatterfitPanel, bpy.types.Panel):
                 factor=f"{result.noise_scale:.3g}"))
 
     def _errors(self, layout, result):
-        """Mean errors before and after, on what was fitted and what was held out."""
-        box = layout.column()
-        row = box.row()
-        for title in ("mm", "Before", "After"):
-            row.label(text=title)
-        for title, measure in (("Fitted", result.fitted), ("Held Out", result.held_out)):
-            row = box.row()
-            row.label(text=title)
-            for found in (measure.before, measure.after):
-                row.label(text=error_text(found), translate=False)
+        """Mean errors before and after, on what was fitted and what was held out; of images how much their
+        outlines overlap."""
+        if result.fitted.after or not result.outlines:
+            self._table(layout, "mm", [("Fitted", map(error_text, (result.fitted.before, result.fitted.after))),
+                                       ("Held Out", map(error_text, (result.held_out.before,
+                                                                     result.held_out.after)))])
+        if result.outlines:
+            self._table(layout, "Overlap [%]", [
+                (title, (f"{100.0 * overlap:.1f}" for overlap in result.outlines[part]))
+                for part, title in (("fitted", "Fitted"), ("held_out", "Held Out")) if part in result.outlines])
         if result.predicted is not None:
             text = translate("Predicted to ± {size} mm (95 %); {share} % of what was held out lie within")
             lines(layout, text.format(size=f"{result.predicted.half_width_mm:.2g}",
                                       share=f"{100.0 * result.predicted.coverage:.0f}"))
+
+    def _table(self, layout, unit, rows):
+        column = layout.column()
+        row = column.row()
+        for title in (unit, "Before", "After"):
+            row.label(text=title)
+        for title, values in rows:
+            row = column.row()
+            row.label(text=title)
+            for value in values:
+                row.label(text=value, translate=False)
 
     def _estimate(self, layout, settings, label, estimate):
         column = layout.box().column(align=True)

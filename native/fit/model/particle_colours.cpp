@@ -17,7 +17,6 @@ constexpr float kWhole = 0.95F;
 constexpr float kHalfKnown = 0.5F;
 /// The rasteriser cuts colours at 0, where they would have no slope.
 constexpr float kDarkest = 0.01F;
-/// ∂ colour / ∂ coefficient of band 0.
 /// What one image tells.
 struct Shown {
   splat::Gaussians gaussians;
@@ -82,7 +81,8 @@ ParticleColours learn_colours(const mpm::Scene& start, std::span<const OwnSplats
   Vec3f sum = Vec3f::Zero();
   float count = 0.0F;
   for (const Sighting& sighting : sightings) {
-    if (sighting.held_out || !sighting.has_colours() || sighting.view.time > 0.0) continue;
+    const bool tells = !sighting.held_out && sighting.has_colours() && !sighting.view.by_splats;
+    if (!tells || sighting.view.time > 0.0) continue;
     Shown shown;
     shown.sighting = &sighting;
     shown.gaussians = film.at(0.0, sighting.view.size, *arena);

@@ -145,7 +145,7 @@ void ImageComparison::settle_sizes(const Stage& stage) {
   reduced.reserve(films_.sightings.size());
   for (const ImageSighting& sighting : films_.sightings) reduced.push_back(sighting.reduced);
   fit::settle_sizes([&](const fit::Filming& filming) { film(stage, filming); }, films_.paths, {},
-                    reduced);
+                    reduced, &notes_);
   for (std::size_t k = 0; k < reduced.size(); ++k) {
     films_.sightings[k].reduced.view.size = reduced[k].view.size;
   }
@@ -189,7 +189,8 @@ std::vector<fit::ColourAgreement> ImageComparison::colour_agreements(const Stage
   for (std::size_t k = 0; k < all.size(); ++k) {
     const fit::Sighting& sighting = all[k].reduced;
     if (!sighting.has_colours()) continue;
-    if (sighting.view.time == 0.0 && !sighting.held_out) first.push_back(sighting);
+    const bool tells = !sighting.held_out && !sighting.view.by_splats;
+    if (sighting.view.time == 0.0 && tells) first.push_back(sighting);
     filming.views.push_back(all[k].planes[0].empty() ? sighting.view : all[k].whole());
     of.push_back(k);
   }

@@ -1,19 +1,24 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "job/run/image_sightings.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
+#include <optional>
+#include <set>
 #include <utility>
 
 #include "base/error.hpp"
 #include "capture/image_clip.hpp"
 #include "fit/data/follow.hpp"
 #include "job/documents/images_document.hpp"
+#include "splat/rasteriser.hpp"
 
 namespace matterfit::job {
 namespace {
 
-constexpr double kSlack = 1e-6;  // frames
+constexpr double kSlack = 1e-3;  // frames: files give times with a few digits
 constexpr double kPixelsASeparation = 2.0;
 constexpr int kWidestReduced = 128;
 constexpr double kMostOversampled = 8.0;
@@ -45,6 +50,16 @@ int oversample_of(double pixels) {
       std::ceil(std::clamp(kPixelsASeparation / pixels, 1.0, kMostOversampled)));
 }
 
+/// ImageSighting::blur of an image of whose pixels `pixels` are a separation, reduced by `factor`.
+double more_blur(double pixels, int factor) {
+  const auto pixel = [](double of_a_separation) {  // that is drawn [separations]
+    return 1.0 / (of_a_separation * oversample_of(of_a_separation));
+  };
+  const double reduced = pixel(pixels / factor);
+  const double whole = pixel(pixels);
+  return splat::RenderOptions().blur * (reduced * reduced - whole * whole);
+}
+
 bool is_held_out(const ImagesDoc& doc, double frame, std::size_t camera) {
   const auto& held = doc.holdout;
   const bool by_camera = std::find(held.cameras.begin(), held.cameras.end(),
@@ -58,6 +73,7 @@ void add_capture(const ImagesDoc& doc, const mpm::Scene& scene, FilmUse use, Loa
   const double start = doc.start_frame.value_or(scene.first_frame);
   std::size_t outside = 0;
   std::vector<std::size_t> inside;  // images of each camera within the scene's frames
+  std::set<double> frames;          // of these
   std::vector<double> separations;  // in the cameras' pixels
   std::vector<int> factors;
   std::vector<std::vector<float>> seen;  // reduced
@@ -83,6 +99,7 @@ void add_capture(const ImagesDoc& doc, const mpm::Scene& scene, FilmUse use, Loa
       return;
     }
     ++inside[sight.camera];
+    frames.insert(frame);
     const splat::Camera& camera = clip.cameras[sight.camera];
     const int factor = factors[sight.camera];
     const auto small = [&](const std::vector<std::uint8_t>& plane) {
@@ -113,6 +130,7 @@ void add_capture(const ImagesDoc& doc, const mpm::Scene& scene, FilmUse use, Loa
         ImageSighting{std::move(reduced),
                       camera,
                       oversample_of(separations[sight.camera]),
+                      more_blur(separations[sight.camera], factor),
                       fit::Silhouette(sight.matte, camera.width, camera.height),
                       frame,
                       sight.image,
@@ -144,6 +162,12 @@ void add_capture(const ImagesDoc& doc, const mpm::Scene& scene, FilmUse use, Loa
   if (outside > 0) {
     statements.push_back("captures." + doc.name + ": " + std::to_string(outside) +
                          " images lie outside of the scene's frames.");
+  }
+  if (outside > 0 && frames.size() == 1 && clip.times.size() > 2) {
+    statements.push_back(fmt::format(
+        "captures.{}: of its {} times, which go on for {:.4g} s, a single one lies in the scene's "
+        "frames. Are they in seconds? 'fps' says how they follow each other.",
+        doc.name, clip.times.size(), clip.times.back() - clip.times.front()));
   }
   for (std::size_t k = 0; k < inside.size() && outside > 0; ++k) {
     if (inside[k] > 0) continue;
@@ -204,6 +228,9 @@ fit::View ImageSighting::whole() const {
   fit::View view = reduced.view;
   view.camera = camera;
   view.oversample = oversample;
+  // The same particles by finer pixels: smaller ones would be seen as dots.
+  constexpr double kSmallest = 0.05;
+  view.size = std::sqrt(std::max(view.size * view.size + blur, kSmallest * kSmallest));
   return view;
 }
 
@@ -341,6 +368,34 @@ Json cameras_json(const LoadedFilms& films, const std::vector<fit::Agreement>& a
   return list;
 }
 
+namespace {
+
+/// Says of a camera whose fitted images agree much less than the others of its capture do.
+void state_odd_one(const Json& cameras, std::vector<std::string>& statements) {
+  constexpr double kMuchLess = 0.75;
+  const auto agreement = [](const Json& camera) -> std::optional<double> {
+    const Json& part = camera.at("fitted");
+    return part.contains("iou") ? std::optional(part.at("iou").get<double>()) : std::nullopt;
+  };
+  for (const Json& camera : cameras) {
+    const std::optional<double> own = agreement(camera);
+    std::vector<double> others;
+    for (const Json& other : cameras) {
+      const bool beside = other.at("capture") == camera.at("capture") && other != camera;
+      if (beside && agreement(other)) others.push_back(*agreement(other));
+    }
+    if (!own || !(*own > 0.0) || others.size() < 2) continue;
+    const double least = *std::min_element(others.begin(), others.end());
+    if (*own > kMuchLess * least) continue;
+    statements.push_back(fmt::format(
+        "captures.{}: camera {} agrees much less than the others: IoU {:.2f}, theirs {:.2f} and "
+        "more. Does it stand where its file says? With 'refine' a fit finds how it stands.",
+        camera.at("capture").get<std::string>(), camera.at("camera").dump(), *own, least));
+  }
+}
+
+}  // namespace
+
 void state_apart(const Json& cameras, std::vector<std::string>& statements) {
   for (const Json& camera : cameras) {
     bool shown = false;
@@ -358,6 +413,7 @@ void state_apart(const Json& cameras, std::vector<std::string>& statements) {
                          "'unit', 'transform' and the body's place right, and is it the body's "
                          "matte ('key', 'plate')?");
   }
+  state_odd_one(cameras, statements);
 }
 
 }  // namespace matterfit::job

@@ -19,8 +19,11 @@ namespace matterfit::job {
 /// One image of a capture: as a fit sees it, and as it was recorded.
 struct ImageSighting {
   fit::Sighting reduced;
-  splat::Camera camera;   ///< of the whole image
-  int oversample = 1;     ///< as fit::View has it, of the whole image
+  splat::Camera camera;  ///< of the whole image
+  int oversample = 1;    ///< as fit::View has it, of the whole image
+  /// By what the pixels of the image that a fit sees blur a particle more than those of the whole
+  /// one [particle separations²].
+  double blur = 0.0;
   fit::Silhouette matte;  ///< the same
   double frame = 0.0;     ///< of the scene
   std::string image;      ///< the file's name
@@ -84,7 +87,8 @@ enum class FilmUse : std::uint8_t {
 /// The same of each camera, with its `capture`, `camera` and the size of its particles.
 [[nodiscard]] Json cameras_json(const LoadedFilms& films,
                                 const std::vector<fit::Agreement>& agreements);
-/// Says of each of these cameras that shows the simulation beside the matte in all of its images.
+/// Says of each of these cameras that shows the simulation beside the matte in all of its images,
+/// and of one whose images agree much less than those of the others.
 void state_apart(const Json& cameras, std::vector<std::string>& statements);
 
 }  // namespace matterfit::job

@@ -52,6 +52,14 @@ Json image_summary(const std::filesystem::path& cameras, const Json& options) {
   document["cameras"] = cameras.string();
   document.erase("body");
   SceneDoc scene;
+  if (document.contains("scene_fps")) {
+    const Json& fps = document["scene_fps"];
+    if (!fps.is_number() || !(fps.get<double>() > 0.0)) {
+      throw_input("options.scene_fps: expected a number above 0.");
+    }
+    scene.fps = fps.get<double>();
+    document.erase("scene_fps");
+  }
   scene.bodies.emplace_back();
   const ImagesDoc doc =
       read_images(JsonValue(document, "options"), ReadContext{std::filesystem::path()}, scene);

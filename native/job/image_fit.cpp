@@ -170,9 +170,9 @@ class ImageFit {
 
   [[nodiscard]] fit::ImageProblem watched(fit::ImageProblem problem) {
     problem.simulated = [this](int count) {
-      // How many there will be is not known: half of what is left with every forty.
-      const double part = 1.0 - std::exp2(-double(state_.evaluations + count) / 40.0);
-      say("Fitting", 0.9 * kImageFitShare * part);
+      // A phase may have several searches.
+      searched_ = std::max(searched_, searched_share(state_.phase, count));
+      say("Fitting", 0.9 * kImageFitShare * searched_);
     };
     return problem;
   }
@@ -483,6 +483,7 @@ class ImageFit {
   fit::ImageProblem::Misfit misfit_{kNoMisfit, kNoMisfit, kNoMisfit};
   ImageFitState state_;
   bool resumed_ = false;
+  double searched_ = 0.0;  ///< share of the search that progress has been told
   std::optional<FolderLock> lock_;
   Clock::time_point started_;
 };

@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "job/image_fit_state.hpp"
 
+#include <array>
+#include <cmath>
+
 #include "job/fit_checkpoint.hpp"
 #include "job/fit_state.hpp"
 
@@ -10,6 +13,15 @@ namespace {
 constexpr const char* kImageSchema = "matterfit.image-fit-checkpoint/2";
 
 }  // namespace
+
+double searched_share(ImagePhase phase, int simulations) {
+  // Where each phase begins, and the end: what they cost.
+  constexpr std::array<double, 8> kBegins = {0.0, 0.03, 0.06, 0.2, 0.35, 0.7, 1.0, 1.0};
+  // How many there will be is not known: half of what is left with every twenty.
+  const double part = 1.0 - std::exp2(-double(simulations) / 20.0);
+  const auto at = static_cast<std::size_t>(phase);
+  return kBegins[at] + part * (kBegins[at + 1] - kBegins[at]);
+}
 
 std::string format_image_fit_state(const ImageFitState& state) {
   Json body = {{"inputs", state.inputs},           {"phase", static_cast<int>(state.phase)},

@@ -23,6 +23,9 @@ enum class ImagePhase : int {
   kDone,         ///< errors of the values are left
 };
 
+/// About how much of a fit's searches is done after so many simulations of a phase, 0 to 1.
+[[nodiscard]] double searched_share(ImagePhase phase, int simulations);
+
 /// Where a fit to images stands: all that the next iteration depends on.
 // NOLINTNEXTLINE(bugprone-exception-escape): of the JSON library's moves it cannot tell
 struct ImageFitState {

@@ -9,7 +9,6 @@
 #include <utility>
 
 #include "base/error.hpp"
-#include "fit/model/particle_sizes.hpp"
 #include "job/documents/inputs.hpp"
 #include "job/fit_report.hpp"
 #include "job/run/build_scene.hpp"
@@ -148,9 +147,6 @@ void ImageExperiment::settle_steps(const std::vector<double>& values) {
 }
 
 void ImageExperiment::settle_sizes(const std::vector<double>& values) {
-  std::vector<fit::Sighting> reduced;
-  reduced.reserve(films_.sightings.size());
-  for (const ImageSighting& sighting : films_.sightings) reduced.push_back(sighting.reduced);
   const auto film = [&](const fit::Filming& filming) {
     fit::Scope scope;
     scope.until.assign(runs().size(), -1.0);
@@ -159,10 +155,7 @@ void ImageExperiment::settle_sizes(const std::vector<double>& values) {
     const fit::Evaluation evaluation = model_->evaluate({values}, scope);
     if (!evaluation.outcomes.front()) throw_compute(evaluation.failure.message);
   };
-  fit::settle_sizes(film, films_.paths, moved_cameras(), reduced);
-  for (std::size_t k = 0; k < reduced.size(); ++k) {
-    films_.sightings[k].reduced.view.size = reduced[k].view.size;
-  }
+  films_.settle_sizes(film, moved_cameras());
 }
 
 bool ImageExperiment::learn_colours(const std::vector<double>& values) {

@@ -150,8 +150,9 @@ def finished_frames(take):
 def _is_whole(manifest):
     """Whether all frames of a cache were baked: a comparison or a rendering that goes on from a bake that was
     broken off simulates them alone."""
-    first, end = manifest.get("frames", (0, 0))
-    return bool(manifest.get("complete")) and 0 < end - first <= manifest.get("frames_baked", 0)
+    baked = manifest.get("frames_baked", 0)
+    first, end = manifest.get("frames", (0, baked))
+    return bool(manifest.get("complete")) and baked > 0 and baked >= end - first
 
 
 def frames_on_disk(take):

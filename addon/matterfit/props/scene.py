@@ -111,6 +111,12 @@ def active_body(settings):
     return active_item(settings.bodies, settings.body_index)
 
 
+def by_images_alone(settings):
+    """Whether all recordings that are used are images, whose fits have no loss to choose and no windows."""
+    used = [capture for capture in settings.captures if capture.enabled]
+    return bool(used) and all(capture.source == "IMAGES" for capture in used)
+
+
 def active_capture(settings):
     return active_item(settings.captures, settings.capture_index)
 

@@ -121,4 +121,4 @@ def holdout(column, capture):
     if capture.holdout == "FRAMES":
         column.prop(capture, "holdout_start")
     elif capture.holdout == "TRACKS":
-        column.prop(capture, "holdout_tracks")
+        column.prop(capture, "holdout_tracks", text="Cameras" if capture.source == "IMAGES" else "Points")

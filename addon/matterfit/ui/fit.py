@@ -42,7 +42,8 @@ class MATTERFIT_PT_fit(MatterfitPanel, bpy.types.Panel):
             lines(layout, translate("Its stiffness and what kind of material it is are looked for, "
                                     "whatever law the body has now."), icon="INFO")
         self._parameters(layout, settings, fit)
-        form(layout).prop(fit, "loss")
+        if not scene_props.by_images_alone(settings):
+            form(layout).prop(fit, "loss")
         self._captures(layout, settings)
         self._buttons(layout, context, fit)
 
@@ -160,9 +161,10 @@ class MATTERFIT_PT_fit_advanced(MatterfitPanel, bpy.types.Panel):
         column = form(self.layout)
         switched(column, fit, "use_huber", "huber")
         column.prop(fit, "iterations")
-        self.layout.prop(fit, "windows")
-        column = form(self.layout)
-        column.prop(fit, "levels")
+        if not scene_props.by_images_alone(context.scene.matterfit):  # whose fits have phases of their own
+            self.layout.prop(fit, "windows")
+            column = form(self.layout)
+            column.prop(fit, "levels")
         if job_fit.has_weights(context.scene.matterfit):
             column.prop(fit, "weight_steps")
         if not (fit.weight_steps and job_fit.has_weights(context.scene.matterfit)):

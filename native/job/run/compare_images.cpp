@@ -12,7 +12,6 @@
 #include "bake/overlay.hpp"
 #include "base/error.hpp"
 #include "fit/model/particle_colours.hpp"
-#include "fit/model/particle_sizes.hpp"
 #include "job/run/own_splats.hpp"
 #include "job/run/state_file.hpp"
 
@@ -141,14 +140,7 @@ void ImageComparison::film(const Stage& stage, const fit::Filming& filming) cons
 }
 
 void ImageComparison::settle_sizes(const Stage& stage) {
-  std::vector<fit::Sighting> reduced;
-  reduced.reserve(films_.sightings.size());
-  for (const ImageSighting& sighting : films_.sightings) reduced.push_back(sighting.reduced);
-  fit::settle_sizes([&](const fit::Filming& filming) { film(stage, filming); }, films_.paths, {},
-                    reduced, &notes_);
-  for (std::size_t k = 0; k < reduced.size(); ++k) {
-    films_.sightings[k].reduced.view.size = reduced[k].view.size;
-  }
+  films_.settle_sizes([&](const fit::Filming& filming) { film(stage, filming); }, {}, &notes_);
 }
 
 void ImageComparison::write_overlay(const Stage& stage, std::size_t k,

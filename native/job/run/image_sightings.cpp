@@ -12,6 +12,7 @@
 #include "base/error.hpp"
 #include "capture/image_clip.hpp"
 #include "fit/data/follow.hpp"
+#include "fit/model/particle_sizes.hpp"
 #include "job/documents/images_document.hpp"
 #include "splat/rasteriser.hpp"
 
@@ -214,6 +215,18 @@ void LoadedFilms::mark_splats(std::span<const fit::OwnSplats> own, const mpm::Sc
   for (ImageSighting& sighting : sightings) {
     fit::View& view = sighting.reduced.view;
     view.by_splats = fit::drawn_by_splats(own, scene.bodies.size(), view.body);
+  }
+}
+
+void LoadedFilms::settle_sizes(const std::function<void(const fit::Filming&)>& film,
+                               const std::vector<std::vector<std::uint8_t>>& moved,
+                               std::vector<std::string>* faults) {
+  std::vector<fit::Sighting> reduced;
+  reduced.reserve(sightings.size());
+  for (const ImageSighting& sighting : sightings) reduced.push_back(sighting.reduced);
+  fit::settle_sizes(film, paths, moved, reduced, faults);
+  for (std::size_t k = 0; k < reduced.size(); ++k) {
+    sightings[k].reduced.view.size = reduced[k].view.size;
   }
 }
 

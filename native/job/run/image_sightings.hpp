@@ -44,6 +44,10 @@ struct LoadedFilms {
 
   /// Says of each sighting whether all that it shows are splats.
   void mark_splats(std::span<const fit::OwnSplats> own, const mpm::Scene& scene);
+  /// fit::settle_sizes() of all sightings.
+  void settle_sizes(const std::function<void(const fit::Filming&)>& film,
+                    const std::vector<std::vector<std::uint8_t>>& moved,
+                    std::vector<std::string>* faults = nullptr);
   /// Whether an image of that camera is fitted.
   [[nodiscard]] bool is_fitted(std::size_t film, std::size_t camera) const;
   /// How what is drawn of a whole image agrees with its matte, as far as its lens saw it.

@@ -65,21 +65,26 @@ def run_tool(options, verb, document, log, restart=True):
     return None, log.read_text(encoding="utf-8", errors="replace").strip()[-600:]
 
 
-def score(folder, truth, own, times, fitted_frames, options):
-    """Runs the fitted scene with the points `own` (frames, points, 3) and compares them with `truth`,
-    which shares none with them."""
+def compared(folder, name, captures, options):
+    """The tool's comparison of the fitted scene with `captures`, into folder/name; None and its last words
+    where it fails."""
     document = json.loads((folder / "out" / "scene.json").read_text(encoding="utf-8"))
-    np.savez(folder / "own.npz", positions=own, times=times)
     document.pop("fit", None)
-    document["task"] = "compare"
-    document["captures"] = [{"name": "own", "tracks": "own.npz", "noise": NOISE}]
-    document["output"] = {"folder": "score"}
+    document.update(task="compare", captures=captures, output={"folder": name})
     sources = json.loads((folder / "job.json").read_text(encoding="utf-8"))["scene"]["bodies"]
     for body, given in zip(document["scene"]["bodies"], sources, strict=True):
         body["source"] = given["source"]
-    path = folder / "score.json"
+    path = folder / f"{name}.json"
     path.write_text(json.dumps(document, indent=1), encoding="utf-8")
-    result, error = run_tool(options, "compare", path, folder / "score.log")
+    return run_tool(options, "compare", path, folder / f"{name}.log")
+
+
+def score(folder, truth, own, times, fitted_frames, options):
+    """Runs the fitted scene with the points `own` (frames, points, 3) and compares them with `truth`,
+    which shares none with them."""
+    np.savez(folder / "own.npz", positions=own, times=times)
+    captures = [{"name": "own", "tracks": "own.npz", "noise": NOISE}]
+    result, error = compared(folder, "score", captures, options)
     if result is None:
         return {"failed": error}
     simulated = np.load(folder / "score" / "simulated.npz")["positions"]

@@ -128,16 +128,9 @@ def fit_one(path, options):
 
 def colours_of(folder, document, options):
     """PSNR [dB] and SSIM of the images that the fit has not seen, at their full size."""
-    fitted = json.loads((folder / "out" / "scene.json").read_text(encoding="utf-8"))
-    fitted.pop("fit", None)
-    fitted.update(task="compare", captures=document["captures"], output={"folder": "views"})
-    for body, given in zip(fitted["scene"]["bodies"], document["scene"]["bodies"], strict=True):
-        body["source"] = given["source"]
-    path = folder / "views.json"
-    path.write_text(json.dumps(fitted, indent=1), encoding="utf-8")
-    result, error = clip_fit.run_tool(options, "compare", path, folder / "views.log")
+    result, error = clip_fit.compared(folder, "views", document["captures"], options)
     if result is None:
-        sys.exit(f"clips_from_masks.py: {path}: {error}")
+        sys.exit(f"clips_from_masks.py: {folder / 'views.json'}: {error}")
     held = result["compare"]["images"][0]["held_out"]
     return held["psnr_db"], held["ssim"]
 

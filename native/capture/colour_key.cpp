@@ -12,8 +12,8 @@ namespace matterfit::capture {
 namespace {
 
 constexpr double kSmallestChroma = 0.02;
-constexpr int kReachBehind =
-    3;  ///< how far from an edge's pixel what is behind it is looked at [pixels]
+/// How far from a pixel of the edge the background behind it is looked at [pixels].
+constexpr int kReachBehind = 3;
 constexpr double kMostAround = 0.9;
 
 enum class Part : std::uint8_t { kBehind, kEdge, kBody };

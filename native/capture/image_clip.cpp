@@ -233,7 +233,7 @@ void state_missing(const ImageClip& clip, const std::vector<std::size_t>& count,
   }
 }
 
-/// What is odd about a camera's mattes.
+/// Oddities of a camera's mattes that are said to the user.
 struct OddMattes {
   std::size_t empty = 0;
   std::string first_empty;

@@ -18,7 +18,7 @@ class Reader {
   Reader(std::span<const std::byte> bytes, const std::string& name) : name_(name) {
     image_.version = PNG_IMAGE_VERSION;
     check(png_image_begin_read_from_memory(&image_, bytes.data(), bytes.size()));
-    // Where a file of 16 bits says nothing, it is coded as one of 8 bits is.
+    // A file of 16 bits that names no curve is coded by sRGB, as one of 8 bits is.
     image_.flags |= PNG_IMAGE_FLAG_16BIT_sRGB;
     const png_uint_32 most = kMostImageEdge;
     if (image_.width > most || image_.height > most) {

@@ -117,7 +117,7 @@ TEST(CompareImages, ColoursOfAHeldOutCameraStandApart) {
     EXPECT_GT(images.at(which).at("ssim").get<double>(), 0.5) << which;
   }
   EXPECT_NE(images.at("held_out").at("psnr_db"), images.at("not_held_out").at("psnr_db"));
-  // What looks away agrees in nothing, and does not count as agreeing.
+  // A camera that looks away shows nothing, and does not count as agreeing.
   const Json& away = images.at("cameras")[3];
   EXPECT_EQ(away.at("images"), 0);
   EXPECT_FALSE(away.contains("iou")) << away.dump(1);

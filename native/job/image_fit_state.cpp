@@ -15,7 +15,7 @@ constexpr const char* kImageSchema = "matterfit.image-fit-checkpoint/2";
 }  // namespace
 
 double searched_share(ImagePhase phase, int simulations) {
-  // Where each phase begins, and the end: what they cost.
+  // The share of all searches before each phase, by what phases cost, and 1 at the end.
   constexpr std::array<double, 8> kBegins = {0.0, 0.03, 0.06, 0.2, 0.35, 0.7, 1.0, 1.0};
   // How many there will be is not known: half of what is left with every twenty.
   const double part = 1.0 - std::exp2(-double(simulations) / 20.0);

@@ -196,6 +196,7 @@ struct SwapDoc {
   std::array<std::string, 2> tracks;
 };
 
+// NOLINTNEXTLINE(bugprone-exception-escape): of the JSON library's moves it cannot tell
 struct CaptureDoc {
   std::string path;            ///< in the document: "captures[2]"
   std::size_t place = 0;       ///< in the document's list, where captures by images stand too

@@ -65,6 +65,8 @@ double read_unit(const JsonValue& value) {
   return kUnits[value.choice({"m", "cm", "mm"})];
 }
 
+char read_up(const JsonValue& value) { return "xyzd"[value.choice({"x", "y", "z", "-y"})]; }
+
 std::array<double, 16> read_matrix(const JsonValue& value) {
   std::array<double, 16> matrix{};
   if (value.json().is_object()) {
@@ -134,7 +136,7 @@ CaptureDoc read_capture(const JsonValue& value, const ReadContext& context,
   }
   capture.body = resolve_body(object.find("body"), value, capture.scene ? *capture.scene : scene);
   if (const auto unit = object.find("unit")) capture.unit = read_unit(*unit);
-  if (const auto up = object.find("up")) capture.up = "xyzd"[up->choice({"x", "y", "z", "-y"})];
+  if (const auto up = object.find("up")) capture.up = read_up(*up);
   if (const auto transform = object.find("transform")) capture.transform = read_matrix(*transform);
   capture.fps = object.number("fps", 0.0, positive("frames per second"));
   if (const auto markers = object.find("markers")) capture.markers = read_markers(*markers);

@@ -41,7 +41,7 @@ std::string name_of(const std::filesystem::path& cameras) {
 /// Keys that say how a cameras' file becomes cameras of the scene.
 void read_world(JsonObject& object, capture::ImageClipOptions& options) {
   if (const auto unit = object.find("unit")) options.unit = read_unit(*unit);
-  if (const auto up = object.find("up")) options.up = "xyzd"[up->choice({"x", "y", "z", "-y"})];
+  if (const auto up = object.find("up")) options.up = read_up(*up);
   if (const auto transform = object.find("transform")) {
     const std::array<double, 16> rows = read_matrix(*transform);
     for (int i = 0; i < 4; ++i) {

@@ -47,6 +47,8 @@ struct ReadContext {
 [[nodiscard]] RenderDoc read_render(const JsonValue& value, const ReadContext& context);
 /// Metres per unit: a number, or "m", "cm", "mm".
 [[nodiscard]] double read_unit(const JsonValue& value);
+/// The axis that points up, as capture::TracksOptions has it.
+[[nodiscard]] char read_up(const JsonValue& value);
 /// Row by row: four rows, or {position, rotation, scale}.
 [[nodiscard]] std::array<double, 16> read_matrix(const JsonValue& value);
 /// [first, end).

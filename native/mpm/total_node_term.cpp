@@ -19,11 +19,11 @@ void NodeList::add(std::vector<std::uint32_t> nodes) {
   nodes_.insert(nodes_.end(), nodes.begin(), nodes.end());
   std::sort(nodes_.begin(), nodes_.end());
   nodes_.erase(std::unique(nodes_.begin(), nodes_.end()), nodes_.end());
-}
-
-std::size_t NodeList::index(std::uint32_t node) const {
-  return static_cast<std::size_t>(std::lower_bound(nodes_.begin(), nodes_.end(), node) -
-                                  nodes_.begin());
+  if (nodes_.empty()) return;
+  places_.assign(nodes_.back() - nodes_.front() + 1, 0);
+  for (std::size_t i = 0; i < nodes_.size(); ++i) {
+    places_[nodes_[i] - nodes_.front()] = static_cast<std::uint32_t>(i);
+  }
 }
 
 TotalNodeTerms::TotalNodeTerms(const Body& body, const TotalGrid& grid) {

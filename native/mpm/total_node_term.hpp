@@ -26,12 +26,15 @@ class NodeList {
  public:
   void add(std::vector<std::uint32_t> nodes);
   /// The place of a node that is in it.
-  [[nodiscard]] std::size_t index(std::uint32_t node) const;
+  [[nodiscard]] std::size_t index(std::uint32_t node) const {
+    return places_[node - nodes_.front()];
+  }
   [[nodiscard]] const std::vector<std::uint32_t>& nodes() const { return nodes_; }
   [[nodiscard]] std::size_t size() const { return nodes_.size(); }
 
  private:
   std::vector<std::uint32_t> nodes_;
+  std::vector<std::uint32_t> places_;  ///< of the nodes from the first to the last
 };
 
 /// A substep of the nodes that terms act on, in the order of NodeList, body axes.

@@ -235,7 +235,11 @@ Constraints constraints_of(const Pin& pin, const Body& body, const TotalGrid& gr
   // Pivoted Cholesky of C M⁻¹ Cᵀ: keeps constraints that are independent of those kept already.
   std::vector<Eigen::VectorXd> dense;  // M^(−½) rows, on the nodes involved
   NodeList nodes;
-  for (const NodeWeights& row : rows) nodes.add(row.nodes);
+  std::vector<std::uint32_t> involved;
+  for (const NodeWeights& row : rows) {
+    involved.insert(involved.end(), row.nodes.begin(), row.nodes.end());
+  }
+  nodes.add(std::move(involved));
   const auto column = [&](std::uint32_t node) {
     return static_cast<Eigen::Index>(nodes.index(node));
   };

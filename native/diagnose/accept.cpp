@@ -25,7 +25,8 @@ constexpr double kNearlyAll = 0.6;
 /// the cause is not there.
 constexpr double kMostly = 0.5;
 constexpr double kAsTheSolver = 0.5;
-/// A cause that is itself an acceleration field predicts what the free field does, to rounding.
+/// A cause that is itself an acceleration field predicts what the free field does, to rounding;
+/// where both leave less than noise and the solver make, neither is the better one.
 constexpr double kAsGood = 1.02;
 
 class Acceptance {
@@ -138,7 +139,7 @@ bool predicts(const Gain& gain, const Judge::Opinion& without, const Judge::Opin
               int numbers) {
   if (gain.measurable) {
     return gain.low > 0.0 && gain.after < gain.last_residual &&
-           gain.after <= kAsGood * gain.free_field;
+           gain.after <= std::max(kAsGood * gain.free_field, gain.floor);
   }
   if (without.deviance > 0.0) return without.deviance - with.deviance > kPrice * numbers;
   return gain.after <= 1.05 * gain.before;

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "diagnose/accept.hpp"
 #include "diagnose/diagnose.hpp"
 #include "diagnose/models_for_test.hpp"
 #include "diagnose/trials.hpp"
@@ -107,6 +108,29 @@ TEST(Rivals, ExplainOrPredictAtLeastHalfAsWell) {
   Trial untested = trial_of(7100.0, 0.0);
   untested.gain.measurable = false;
   EXPECT_FALSE(falls_short(base, good, untested));
+}
+
+/// A forecast must be as good as that of a free field of accelerations, unless what it leaves is
+/// what noise and the solver make.
+TEST(Rivals, AForecastIsAsGoodAsTheFreeFieldsOrWithinTheFloor) {
+  Judge::Opinion opinion;
+  Gain gain{.before = 17e-3,
+            .after = .94e-3,
+            .floor = 2.8e-3,
+            .value = 1.0,
+            .low = 1.0,
+            .high = 1.0,
+            .last_residual = 9.8e-3,
+            .free_field = .9e-3,
+            .measurable = true};
+  EXPECT_TRUE(predicts(gain, opinion, opinion, 1));
+  gain.floor = .5e-3;
+  EXPECT_FALSE(predicts(gain, opinion, opinion, 1));
+  gain.free_field = .95e-3;
+  EXPECT_TRUE(predicts(gain, opinion, opinion, 1));
+  gain.floor = 17e-3;
+  gain.last_residual = .9e-3;
+  EXPECT_FALSE(predicts(gain, opinion, opinion, 1));
 }
 
 /// Those that are excluded stay behind, whatever they cost.

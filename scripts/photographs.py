@@ -22,13 +22,13 @@ import clip_fit
 import numpy as np
 from parts import BUILD, require_in_tree
 
-import bmesh  # isort: skip (there once bpy is)
+import bmesh  # isort: skip: bpy brings it
 
 # Density [kg/m³] and colour of each silicone: the first is the authors', the second the maker's.
 BODIES = {"h_m_c": (1034, [0, .21, .265]), "h_e_c": (1070, [.54, .02, .13])}
 LENS = {"fl_x": 905, "fl_y": 905, "cx": 640, "cy": 360, "w": 1280, "h": 720}
 REFINED = {"shift": .005, "turn": .015, "focal": .01}
-FPS, AT_REST, HELD_OUT, LAST = 20, 16, 18, 20
+FPS, AT_REST, HELD_OUT, END = 20, 16, 18, 21
 SETTLING = 20  # rate of the drag [1/s]
 NOISE = 4  # of outlines [pixels]: edges of keys, and corners that particles 10 pixels apart round off
 CLAMP = .01  # [cm] of the body that are within the clamp: vertices lie on its face
@@ -98,12 +98,12 @@ def document(name, settings, separation, start):
             "material": {"law": "neo_hookean", "E": start, "nu": .45},
             "pins": [{"region": {"shape": "plane", "point": [face - CLAMP / 100, 0, 0], "normal": [-1, 0, 0]}}]}
     return {"schema": "matterfit.job/1", "task": "fit",
-            "scene": {"fps": FPS, "frames": [0, LAST], "particle_separation": separation,
+            "scene": {"fps": FPS, "frames": [0, END], "particle_separation": separation,
                       "gravity": [0, -9.81, 0], "bodies": [body],
                       "effects": [{"effect": "drag_linear", "rate": SETTLING}]},
             "captures": [{"name": "photographs", "cameras": "transforms.json", "start_frame": 0,
                           "key": {"colour": colour}, "noise": NOISE, "refine": REFINED,
-                          "holdout": {"frames": [HELD_OUT, LAST + 1]}}],
+                          "holdout": {"frames": [HELD_OUT, END]}}],
             "output": {"folder": "out"},
             "fit": {"parameters": [{"path": "material.E", "start": start}], "iterations": 12}}
 
@@ -124,7 +124,7 @@ def main():
         settings = experiment(source / f"{name}.exp")
         folder = BUILD / "photographs" / name
         folder.mkdir(parents=True, exist_ok=True)
-        write_photographs(source / "camera_data", folder, LAST - AT_REST + 1)
+        write_photographs(source / "camera_data", folder, END - AT_REST)
         write_free_part(options.folder / "CAD_models" / "cantilever_coarse" / "cantilever_f640_v322.obj",
                         folder / "body.obj", settings["object_dirichlet_boundary_conditions"][0] - CLAMP)
         path = folder / "job.json"

@@ -159,4 +159,5 @@ def main():
         json.dumps({"frames": shots}, indent=1), encoding="utf-8")
 
 
-main()
+if __name__ == "__main__":
+    main()

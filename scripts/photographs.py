@@ -14,11 +14,10 @@ the camera's pose within what is known of it. The first photographs are seen, th
 import argparse
 import json
 import pathlib
-import struct
-import zlib
 
 import bpy
 import clip_fit
+import film_mattes
 import numpy as np
 from parts import BUILD, require_in_tree
 
@@ -31,7 +30,7 @@ REFINED = {"shift": .005, "turn": .015, "focal": .01}
 FPS, AT_REST, HELD_OUT, END = 20, 16, 18, 21
 SETTLING = 20  # rate of the drag [1/s]
 NOISE = 4  # of outlines [pixels]: edges of keys, and corners that particles 10 pixels apart round off
-CLAMP = .01  # [cm] of the body that are within the clamp: vertices lie on its face
+CLAMP = .01  # how far before the clamp's face the body is cut, as vertices lie on that [cm]
 
 
 def experiment(path):
@@ -43,20 +42,18 @@ def experiment(path):
 def write_png(path, pixels):
     """(h,w,3) bytes."""
     height, width, _ = pixels.shape
-    rows = np.concatenate([np.zeros((height, 1), np.uint8), pixels.reshape(height, -1)], axis=1)
-    chunks = ((b"IHDR", struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)),
-              (b"IDAT", zlib.compress(rows.tobytes())), (b"IEND", b""))
-    with open(path, "wb") as file:
-        file.write(b"\x89PNG\r\n\x1a\n")
-        for kind, data in chunks:
-            file.write(struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data)))
+    image = bpy.data.images.new("photograph", width, height)
+    shares = np.ones((height, width, 4), np.float32)
+    shares[..., :3] = pixels[::-1] / np.float32(255)  # Blender has the lowest row first
+    image.pixels.foreach_set(shares.ravel())
+    image.file_format = "PNG"
+    image.save(filepath=str(path))
+    bpy.data.images.remove(image)
 
 
 def write_free_part(source, path, face):
     """The part of a mesh before x = `face`, closed there."""
-    words = [line.split() for line in source.read_text().splitlines()]
-    vertices = [tuple(map(float, word[1:4])) for word in words if word[:1] == ["v"]]
-    faces = [[int(corner.split("/")[0]) - 1 for corner in word[1:]] for word in words if word[:1] == ["f"]]
+    vertices, faces = film_mattes.read_obj(source)
     mesh = bpy.data.meshes.new("body")
     mesh.from_pydata(vertices, [], faces)
     body = bmesh.new()
@@ -89,23 +86,22 @@ def write_photographs(source, folder, count):
     (folder / "transforms.json").write_text(json.dumps(LENS | {"frames": frames}))
 
 
-def document(name, settings, separation, start):
+def document(name, face, shift, options):
+    """The fit of a body that is held at x = `face` [cm of its mesh]; `shift` of its mesh [cm]."""
     density, colour = BODIES[name]
-    shift = np.array(settings["object_transform"]).reshape(4, 4)[:3, 3] / 100
-    face = settings["object_dirichlet_boundary_conditions"][0] / 100 + shift[0]
     body = {"name": "hammer", "density": density, "source": {"mesh": "body.obj"},
-            "placement": {"scale": .01, "position": shift.tolist()},
-            "material": {"law": "neo_hookean", "E": start, "nu": .45},
-            "pins": [{"region": {"shape": "plane", "point": [face - CLAMP / 100, 0, 0], "normal": [-1, 0, 0]}}]}
+            "placement": {"scale": .01, "position": (shift / 100).tolist()},
+            "material": {"law": "neo_hookean", "E": options.start, "nu": .45},
+            "pins": [{"region": {"shape": "plane", "point": [(face + shift[0]) / 100, 0, 0], "normal": [-1, 0, 0]}}]}
     return {"schema": "matterfit.job/1", "task": "fit",
-            "scene": {"fps": FPS, "frames": [0, END], "particle_separation": separation,
+            "scene": {"fps": FPS, "frames": [0, END], "particle_separation": options.separation,
                       "gravity": [0, -9.81, 0], "bodies": [body],
                       "effects": [{"effect": "drag_linear", "rate": SETTLING}]},
             "captures": [{"name": "photographs", "cameras": "transforms.json", "start_frame": 0,
                           "key": {"colour": colour}, "noise": NOISE, "refine": REFINED,
                           "holdout": {"frames": [HELD_OUT, END]}}],
             "output": {"folder": "out"},
-            "fit": {"parameters": [{"path": "material.E", "start": start}], "iterations": 12}}
+            "fit": {"parameters": [{"path": "material.E", "start": options.start}], "iterations": 12}}
 
 
 def main():
@@ -122,13 +118,15 @@ def main():
     for name in BODIES:
         source = options.folder / "exp_data" / name
         settings = experiment(source / f"{name}.exp")
+        face = settings["object_dirichlet_boundary_conditions"][0] - CLAMP
+        shift = np.array(settings["object_transform"]).reshape(4, 4)[:3, 3]
         folder = BUILD / "photographs" / name
         folder.mkdir(parents=True, exist_ok=True)
         write_photographs(source / "camera_data", folder, END - AT_REST)
         write_free_part(options.folder / "CAD_models" / "cantilever_coarse" / "cantilever_f640_v322.obj",
-                        folder / "body.obj", settings["object_dirichlet_boundary_conditions"][0] - CLAMP)
+                        folder / "body.obj", face)
         path = folder / "job.json"
-        path.write_text(json.dumps(document(name, settings, options.separation, options.start), indent=1))
+        path.write_text(json.dumps(document(name, face, shift, options), indent=1))
         result, words = clip_fit.run_tool(options, "fit", path, folder / "fit.log")
         if result is None:
             print(f"| {name} | {words} | | | | | |")

@@ -191,6 +191,15 @@ struct Constraints {
   Eigen::MatrixXd factor;  ///< lower Cholesky factor
 };
 
+/// Those of all rows, as often as they are named.
+std::vector<std::uint32_t> nodes_of(const std::vector<NodeWeights>& rows) {
+  std::vector<std::uint32_t> nodes;
+  for (const NodeWeights& row : rows) {
+    nodes.insert(nodes.end(), row.nodes.begin(), row.nodes.end());
+  }
+  return nodes;
+}
+
 /// None for a pin that holds nothing.
 Constraints constraints_of(const Pin& pin, const Body& body, const TotalGrid& grid) {
   // Candidates: points of the region's surface that lie in the body, first, because they are the
@@ -235,11 +244,7 @@ Constraints constraints_of(const Pin& pin, const Body& body, const TotalGrid& gr
   // Pivoted Cholesky of C M⁻¹ Cᵀ: keeps constraints that are independent of those kept already.
   std::vector<Eigen::VectorXd> dense;  // M^(−½) rows, on the nodes involved
   NodeList nodes;
-  std::vector<std::uint32_t> involved;
-  for (const NodeWeights& row : rows) {
-    involved.insert(involved.end(), row.nodes.begin(), row.nodes.end());
-  }
-  nodes.add(std::move(involved));
+  nodes.add(nodes_of(rows));
   const auto column = [&](std::uint32_t node) {
     return static_cast<Eigen::Index>(nodes.index(node));
   };
@@ -296,13 +301,7 @@ class PointsPin final : public TotalPin {
   Constraints constraints_;
 };
 
-std::vector<std::uint32_t> PointsPin::nodes() const {
-  std::vector<std::uint32_t> nodes;
-  for (const NodeWeights& row : constraints_.rows) {
-    nodes.insert(nodes.end(), row.nodes.begin(), row.nodes.end());
-  }
-  return nodes;
-}
+std::vector<std::uint32_t> PointsPin::nodes() const { return nodes_of(constraints_.rows); }
 
 void PointsPin::move(const NodeMoment& moment, NodeMotion& motion) const {
   const std::vector<NodeWeights>& rows = constraints_.rows;

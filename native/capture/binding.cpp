@@ -176,6 +176,16 @@ std::vector<Vec3d> MeshBinding::positions(std::span<const Vec3d> particles,
   return moved(particles, deformation_gradients, arena);
 }
 
+void MeshBinding::check_bars(std::size_t of_points, std::size_t of_particles,
+                             std::size_t of_gradients) const {
+  if (of_points != points() || of_particles != particles() || of_gradients != particles()) {
+    throw_input("the cotangents of " + std::to_string(of_points) + " points and " +
+                std::to_string(of_particles) + " particles are not of a binding of " +
+                std::to_string(points()) + " points to " + std::to_string(particles()) +
+                " particles.");
+  }
+}
+
 template <class Vector, class Matrix>
 std::vector<Vec3d> MeshBinding::moved(std::span<const Vector> positions,
                                       std::span<const Matrix> deformation_gradients,
@@ -211,13 +221,8 @@ std::vector<Vec3d> MeshBinding::moved(std::span<const Vector> positions,
 void MeshBinding::spread(std::span<const Vec3d> position_bar, std::span<Vec3d> particle_bar,
                          std::span<Mat3d> deformation_gradient_bar) const {
   const bool gradients = !deformation_gradient_bar.empty();
-  if (position_bar.size() != points() || particle_bar.size() != particles() ||
-      (gradients && deformation_gradient_bar.size() != particles())) {
-    throw_input("the cotangents of " + std::to_string(position_bar.size()) + " points and " +
-                std::to_string(particle_bar.size()) + " particles are not of a binding of " +
-                std::to_string(points()) + " points to " + std::to_string(particles()) +
-                " particles.");
-  }
+  check_bars(position_bar.size(), particle_bar.size(),
+             gradients ? deformation_gradient_bar.size() : particles());
   for (std::size_t i = 0; i < points(); ++i) {
     const Stencil s = stencil(i);
     const bool fitted = gradient_ == BindingGradient::kFitted && !s.fitted.empty();
@@ -262,19 +267,50 @@ std::vector<Vec3d> MeshBinding::speeds(std::span<const Vector> velocities, Arena
   return result;
 }
 
-Mat3d MeshBinding::fitted_gradient(std::size_t point, const ParticleView& state) const {
+std::vector<Vec3d> MeshBinding::gradient_weights(std::size_t point) const {
   const Stencil s = stencil(point);
   const std::vector<double> weights(s.weights.begin(), s.weights.end());
   Vec3d mean;
-  const Mat3d moments = moment(rest_, s.particles, weights, mean);
-  const Vec3d origin = state.positions[s.particles[0]].cast<double>();
-  Mat3d cross = Mat3d::Zero();
-  for (std::size_t k = 0; k < s.particles.size(); ++k) {
-    const std::uint32_t p = s.particles[k];
-    cross +=
-        weights[k] * (state.positions[p].cast<double>() - origin) * (rest_[p] - mean).transpose();
+  const Mat3d inverse = moment(rest_, s.particles, weights, mean).inverse();
+  std::vector<Vec3d> result;
+  result.reserve(weights.size());
+  for (std::size_t k = 0; k < weights.size(); ++k) {
+    result.emplace_back(weights[k] * (inverse * (rest_[s.particles[k]] - mean)));
   }
-  return cross * moments.inverse();
+  return result;
+}
+
+Mat3d MeshBinding::fitted_gradient(std::size_t point, const ParticleView& state) const {
+  const Stencil s = stencil(point);
+  const std::vector<Vec3d> weights = gradient_weights(point);
+  const Vec3d origin = state.positions[s.particles[0]].cast<double>();
+  Mat3d result = Mat3d::Zero();
+  for (std::size_t k = 0; k < weights.size(); ++k) {
+    result += (state.positions[s.particles[k]].cast<double>() - origin) * weights[k].transpose();
+  }
+  return result;
+}
+
+void MeshBinding::spread_gradients(std::span<const Mat3d> gradient_bar,
+                                   std::span<Vec3d> particle_bar,
+                                   std::span<Mat3d> deformation_gradient_bar) const {
+  check_bars(gradient_bar.size(), particle_bar.size(), deformation_gradient_bar.size());
+  for (std::size_t i = 0; i < points(); ++i) {
+    const Stencil s = stencil(i);
+    if (gradient_ == BindingGradient::kFitted && !s.fitted.empty()) {
+      const std::vector<Vec3d> weights = gradient_weights(i);
+      for (std::size_t k = 0; k < weights.size(); ++k) {
+        const Vec3d share = gradient_bar[i] * weights[k];
+        particle_bar[s.particles[k]] += share;
+        particle_bar[s.particles[0]] -= share;
+      }
+    } else {
+      for (std::size_t k = 0; k < s.particles.size(); ++k) {
+        deformation_gradient_bar[s.particles[k]] +=
+            static_cast<double>(s.weights[k]) * gradient_bar[i];
+      }
+    }
+  }
 }
 
 std::vector<Mat3d> MeshBinding::deformation_gradients(const ParticleView& state,

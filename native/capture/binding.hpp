@@ -86,11 +86,20 @@ class MeshBinding {
   /// Error(kInput) if they are of other numbers.
   void spread(std::span<const Vec3d> position_bar, std::span<Vec3d> particle_bar,
               std::span<Mat3d> deformation_gradient_bar) const;
+  /// The transpose of deformation_gradients(): adds the cotangents of F at the points, one each, to
+  /// those of the particles' positions and deformation gradients, one each too. Throws
+  /// Error(kInput) if they are of other numbers.
+  void spread_gradients(std::span<const Mat3d> gradient_bar, std::span<Vec3d> particle_bar,
+                        std::span<Mat3d> deformation_gradient_bar) const;
   [[nodiscard]] BindingGradient gradient() const { return gradient_; }
 
  private:
   [[nodiscard]] Mat3d fitted_gradient(std::size_t point, const ParticleView& state) const;
+  /// What particle of its stencil a point's F takes from that particle's position: G of
+  /// F = Σ x_p G_pᵀ, one each.
+  [[nodiscard]] std::vector<Vec3d> gradient_weights(std::size_t point) const;
   void check_size(std::size_t particles, const std::string& name) const;
+  void check_bars(std::size_t of_points, std::size_t of_particles, std::size_t of_gradients) const;
   template <class Vector, class Matrix>
   [[nodiscard]] std::vector<Vec3d> moved(std::span<const Vector> positions,
                                          std::span<const Matrix> deformation_gradients,

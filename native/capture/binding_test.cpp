@@ -101,6 +101,30 @@ TEST_P(BindingModes, SpreadIsTheTranspose) {
   EXPECT_THROW(binding.spread(bar, {of_position.data(), 3}, of_gradient), Error);
 }
 
+TEST_P(BindingModes, SpreadGradientsIsTheTranspose) {
+  const auto points = scatter(300, 0.5);
+  Arena arena(1);
+  const MeshBinding binding = bind(points, arena);
+  const auto f = binding.deformation_gradients(body_.view(), arena);
+  std::vector<Mat3d> bar(points.size());
+  double expected = 0.0;
+  for (std::size_t i = 0; i < bar.size(); ++i) {
+    for (int k = 0; k < 9; ++k) bar[i](k / 3, k % 3) = std::sin(double(i) + 0.7 * k);
+    expected += bar[i].cwiseProduct(f[i]).sum();
+  }
+  std::vector<Vec3d> of_position(binding.particles(), Vec3d::Zero());
+  std::vector<Mat3d> of_gradient(binding.particles(), Mat3d::Zero());
+  binding.spread_gradients(bar, of_position, of_gradient);
+  double found = 0.0;
+  for (std::size_t p = 0; p < of_position.size(); ++p) {
+    found +=
+        of_position[p].dot(body_.view().positions[p].cast<double>()) +
+        of_gradient[p].cwiseProduct(body_.view().deformation_gradients[p].cast<double>()).sum();
+  }
+  EXPECT_NEAR(found, expected, 1e-10 * std::abs(expected));
+  EXPECT_THROW(binding.spread_gradients(bar, {of_position.data(), 3}, of_gradient), Error);
+}
+
 INSTANTIATE_TEST_SUITE_P(Both, BindingModes,
                          ::testing::Values(BindingGradient::kParticle, BindingGradient::kFitted));
 

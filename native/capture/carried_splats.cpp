@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "capture/carried_splats.hpp"
 
+#include <algorithm>
 #include <utility>
 #include <vector>
 
@@ -63,6 +64,33 @@ splat::Gaussians CarriedSplats::at(const ParticleView& state, Arena& arena) cons
     }
   });
   return gaussians;
+}
+
+void CarriedSplats::add_bars(const ParticleView& state, const splat::GaussianGradients& bar,
+                             std::size_t first, std::optional<int> sh_degree,
+                             std::span<Vec3d> particle_bar,
+                             std::span<Mat3d> deformation_gradient_bar, Arena& arena) const {
+  std::vector<Vec3d> means(size());
+  std::vector<Mat3d> gradients(size());
+  for (std::size_t i = 0; i < size(); ++i) {
+    means[i] = bar.means[first + i].cast<double>();
+    gradients[i] = bar.deformation_gradients[first + i].cast<double>();
+  }
+  if (rest_.sh_degree > 0 && sh_degree) {
+    const splat::Gaussians now = at(state, arena);
+    const std::size_t own = 3 * rest_.sh_bands();
+    const std::size_t stride = 3 * splat::sh_bands(*sh_degree);
+    const std::span<const float> turned(now.sh);
+    const std::span<const float> bars(bar.sh);
+    arena.parallel_for(0, size(), 64, [&](std::size_t i) {
+      const std::span<const float> of = bars.subspan(stride * (first + i), own);
+      if (std::all_of(of.begin(), of.end(), [](float x) { return x == 0.0F; })) return;
+      const Vec3d spin = ShRotation::spin_bar(turned.subspan(own * i, own), of, rest_.sh_degree);
+      gradients[i] += polar_rotation_adjoint(now.deformation_gradients[i].cast<double>(), spin);
+    });
+  }
+  binding_.spread(means, particle_bar, deformation_gradient_bar);
+  binding_.spread_gradients(gradients, particle_bar, deformation_gradient_bar);
 }
 
 }  // namespace matterfit::capture

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstddef>
+#include <optional>
 #include <span>
 
 #include "base/interrupter.hpp"
@@ -38,6 +39,12 @@ class CarriedSplats {
   /// As the rasteriser draws them at a state of the body: Σ' = F Σ Fᵀ is left to it. An F that is
   /// not finite counts as I.
   [[nodiscard]] splat::Gaussians at(const ParticleView& state, Arena& arena) const;
+  /// The transpose of at() at `state`: adds the cotangents of its Gaussians, which lie at `first`
+  /// among those of `bar`, to the cotangents of the particles' positions and deformation gradients,
+  /// one each. Those of their harmonics, which are of `sh_degree`, count if it is given.
+  void add_bars(const ParticleView& state, const splat::GaussianGradients& bar, std::size_t first,
+                std::optional<int> sh_degree, std::span<Vec3d> particle_bar,
+                std::span<Mat3d> deformation_gradient_bar, Arena& arena) const;
 
  private:
   Splats rest_;

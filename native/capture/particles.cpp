@@ -59,6 +59,8 @@ ParticleView particle_view(const mpm::Body& body, const mpm::BodyState& state, d
   return view;
 }
 
+bool carries_shape(const mpm::Body& body) { return !body.material.traits().fluid; }
+
 Stretch principal_stretches(const Mat3d& deformation_gradient) {
   const Eigen::JacobiSVD<Mat3d> svd(deformation_gradient,
                                     Eigen::ComputeFullU | Eigen::ComputeFullV);
@@ -77,6 +79,20 @@ Stretch principal_stretches(const Mat3d& deformation_gradient) {
 Mat3d polar_rotation(const Mat3d& deformation_gradient) {
   const Stretch stretch = principal_stretches(deformation_gradient);
   return stretch.axes * stretch.rest_axes.transpose();
+}
+
+Mat3d polar_rotation_adjoint(const Mat3d& deformation_gradient, const Vec3d& rotation_bar) {
+  const Stretch stretch = principal_stretches(deformation_gradient);
+  const Mat3d rotation = stretch.axes * stretch.rest_axes.transpose();
+  // In the principal axes tr S I − S is diagonal.
+  const Vec3d& s = stretch.stretches;
+  const Vec3d sums(s[1] + s[2], s[2] + s[0], s[0] + s[1]);
+  if (!(sums.cwiseAbs().minCoeff() > 0.0)) return Mat3d::Zero();
+  const Vec3d turn =
+      stretch.rest_axes * (stretch.axes.transpose() * rotation_bar).cwiseQuotient(sums);
+  Mat3d skew;
+  skew << 0.0, -turn.z(), turn.y(), turn.z(), 0.0, -turn.x(), -turn.y(), turn.x(), 0.0;
+  return rotation * skew;
 }
 
 }  // namespace matterfit::capture

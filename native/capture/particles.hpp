@@ -24,6 +24,10 @@ struct ParticleView {
   [[nodiscard]] std::size_t size() const { return positions.size(); }
 };
 
+/// Whether F says how the shapes of a body's particles change; F of what flows is not how they
+/// moved.
+[[nodiscard]] bool carries_shape(const mpm::Body& body);
+
 /// View of `state`, a state of `body`; `separation` h = dx / 2. Throws Error(kInput) if the lengths
 /// differ and Error(kCompute) naming the particle if a position, velocity or F is not finite.
 [[nodiscard]] ParticleView particle_view(const mpm::Body& body, const mpm::BodyState& state,
@@ -43,5 +47,10 @@ struct Stretch {
 
 /// The rotation R of the polar decomposition F = R S with det R = +1 (also for inverted F).
 [[nodiscard]] Mat3d polar_rotation(const Mat3d& deformation_gradient);
+/// Its transpose, for rotations dR = [ω]× R: F̄ of what has the cotangent ω̄ in ω. With θ = Rᵀ ω,
+/// (tr S I − S) θ = axial(Rᵀ dF − dFᵀ R). Zero where no rotation is nearest: S has two stretches
+/// whose sum is 0.
+[[nodiscard]] Mat3d polar_rotation_adjoint(const Mat3d& deformation_gradient,
+                                           const Vec3d& rotation_bar);
 
 }  // namespace matterfit::capture

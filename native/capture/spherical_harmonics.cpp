@@ -2,8 +2,11 @@
 #include "capture/spherical_harmonics.hpp"
 
 #include <Eigen/Dense>
+#include <algorithm>
 #include <cmath>
 #include <numbers>
+
+#include "splat/sh_basis-inl.hpp"
 
 namespace matterfit::capture {
 namespace {
@@ -47,28 +50,12 @@ const ShProjection& projection() {
 }  // namespace
 
 std::array<double, kMaxShBands> sh_basis(const Vec3d& d) {
-  const double x = d[0];
-  const double y = d[1];
-  const double z = d[2];
-  const double xx = x * x;
-  const double yy = y * y;
-  const double zz = z * z;
-  return {0.28209479177387814,
-          -0.4886025119029199 * y,
-          0.4886025119029199 * z,
-          -0.4886025119029199 * x,
-          1.0925484305920792 * x * y,
-          -1.0925484305920792 * y * z,
-          0.31539156525252005 * (2.0 * zz - xx - yy),
-          -1.0925484305920792 * x * z,
-          0.5462742152960396 * (xx - yy),
-          -0.5900435899266435 * y * (3.0 * xx - yy),
-          2.890611442640554 * x * y * z,
-          -0.4570457994644658 * y * (4.0 * zz - xx - yy),
-          0.3731763325901154 * z * (2.0 * zz - 3.0 * xx - 3.0 * yy),
-          -0.4570457994644658 * x * (4.0 * zz - xx - yy),
-          1.445305721320277 * z * (xx - yy),
-          -0.5900435899266435 * x * (xx - 3.0 * yy)};
+  const double at[3] = {d[0], d[1], d[2]};
+  double values[kMaxShBands];
+  HWY_NAMESPACE::sh_basis(kMaxShDegree, at, values);
+  std::array<double, kMaxShBands> result;
+  std::copy_n(values, kMaxShBands, result.begin());
+  return result;
 }
 
 ShRotation::ShRotation(const Mat3d& rotation) {
@@ -109,6 +96,33 @@ void ShRotation::apply(std::span<float> coefficients, int degree) const {
       coefficients[sh_place(3 * l * l + i)] = static_cast<float>(result[sh_place(i)]);
     }
   }
+}
+
+Vec3d ShRotation::spin_bar(std::span<const float> turned, std::span<const float> bar, int degree) {
+  // f of the further rotation is f(d − ω × d), so a coefficient moves by what the projection makes
+  // of −(ω × d)·∇f(d) = −ω·(d × ∇f(d)).
+  const ShProjection& p = projection();
+  Vec3d sum = Vec3d::Zero();
+  for (std::size_t k = 0; k < kDirections; ++k) {
+    const Vec3d& d = p.directions[k];
+    const double at[3] = {d[0], d[1], d[2]};
+    for (int l = 1; l <= degree; ++l) {
+      for (int c = 0; c < 3; ++c) {
+        double coefficients[kMaxShBands] = {};
+        double weight = 0.0;
+        for (int i = 0; i <= 2 * l; ++i) {
+          const std::size_t place = sh_place(3 * (l * l + i) + c);
+          coefficients[l * l + i] = static_cast<double>(turned[place]);
+          weight +=
+              p.inverse[sh_place(l - 1)](i, Eigen::Index(k)) * static_cast<double>(bar[place]);
+        }
+        double slope[3];
+        HWY_NAMESPACE::sh_basis_adjoint(degree, at, coefficients, slope);
+        sum -= weight * d.cross(Vec3d(slope[0], slope[1], slope[2]));
+      }
+    }
+  }
+  return sum;
 }
 
 }  // namespace matterfit::capture

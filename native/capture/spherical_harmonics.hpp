@@ -28,6 +28,10 @@ class ShRotation {
 
   /// In place; `coefficients` are (degree + 1)² × 3, coefficient-major ([k][rgb]).
   void apply(std::span<float> coefficients, int degree) const;
+  /// The transpose of turning by one more rotation dR = [ω]× R: ω̄ of what has the cotangents `bar`
+  /// in `turned`, the coefficients that apply() left.
+  [[nodiscard]] static Vec3d spin_bar(std::span<const float> turned, std::span<const float> bar,
+                                      int degree);
 
  private:
   // Degree l: (2l + 1)², row-major, at the start.

@@ -10,6 +10,7 @@
 #include "job/documents/fit_document.hpp"
 #include "job/fourth_order_for_test.hpp"
 #include "job/image_experiment.hpp"
+#include "job/splat_ball_for_test.hpp"
 
 /// The transpose of how images change with a fit's numbers.
 namespace matterfit::job {
@@ -150,11 +151,34 @@ TEST(ImageGradient, SameBitsForAnyThreads) {
   }
 }
 
-/// Of poses and of splats of a body's own there is none.
+/// By splats that a body carries, their colours among them.
+TEST(ImageGradient, IsTheTransposeOfDifferencesForSplatsOfABodysOwn) {
+  const Folder folder;
+  (void)film_ball(folder.path);
+  Json document = fit_to_splats();
+  document["scene"]["frames"] = {0, 6};
+  document["captures"][0].erase("holdout");
+  document["scene"]["bodies"][0]["velocity"] = {0.3, 0.0, 0.05};
+  document["fit"]["parameters"] = {"material.E", "velocity", "spin"};
+  // An outline here is where the tails of many thin Gaussians end, a tenth of the whole slope.
+  expect_descent(document, folder.path, 0.05, 0.12);
+}
+
+/// Poses of cameras beside what moves the body.
+TEST(ImageGradient, IsTheTransposeOfDifferencesForPoses) {
+  const Folder folder;
+  film_frames(5, folder.path);
+  Json document = image_fit_of({"material.E", "velocity", "captures.clip.poses[1].shift",
+                                "captures.clip.poses[1].turn", "captures.clip.poses[0].turn[2]"});
+  document["scene"]["frames"] = {0, 5};
+  expect_descent(document, folder.path, 0.02, 6e-2);
+}
+
+/// A lens has none.
 TEST(ImageGradient, IsNotThereForWhatItDoesNotKnow) {
   const Folder folder;
   film_frames(3, folder.path);
-  Json document = image_fit_of({"material.E", "captures.clip.poses[0].shift"});
+  Json document = image_fit_of({"material.E", "captures.clip.poses[0].focal"});
   document["scene"]["frames"] = {0, 3};
   ImageFixture fixture(document, folder.path);
   EXPECT_EQ(fixture.problem().transposed_cost(), 0.0);

@@ -74,6 +74,18 @@ HWY_INLINE void colour_of(const splat::Gaussians& g, const std::size_t (&index)[
   }
 }
 
+/// Σ₂⁻¹ log₂(e)/2 = L Lᵀ with the zero above: w of dy alone, from the Schur complement 1/yy.
+struct InverseFactor {
+  DoubleLanes l11, l21, l22;
+};
+
+HWY_INLINE InverseFactor inverse_factor(const Projection<DoubleLanes>& at) {
+  const DoubleLanes half(splat::kHalfLog2E);
+  const DoubleLanes yy = at.covariance[2];
+  const DoubleLanes l11 = sqrt(half * yy / at.determinant);
+  return {l11, -(l11 * at.covariance[1] / yy), sqrt(half / yy)};
+}
+
 inline void project_gaussians(splat::Frame& frame, const splat::Gaussians& g, std::size_t begin,
                               std::size_t end) {
   const splat::View& view = frame.view;
@@ -96,26 +108,21 @@ inline void project_gaussians(splat::Frame& frame, const splat::Gaussians& g, st
     if (view.antialiased) {
       log2_opacity += log(at.sharp / at.determinant) * DoubleLanes(splat::kHalfLog2E);
     }
-    // Σ₂⁻¹ log₂(e)/2 = L Lᵀ with the zero above: w of dy alone, from the Schur complement 1/yy.
-    const DoubleLanes half(splat::kHalfLog2E);
-    const DoubleLanes xx = at.covariance[0];
-    const DoubleLanes yy = at.covariance[2];
-    const DoubleLanes l11 = sqrt(half * yy / at.determinant);
-    const DoubleLanes l21 = -(l11 * at.covariance[1] / yy);
-    const DoubleLanes l22 = sqrt(half / yy);
+    const InverseFactor l = inverse_factor(at);
     const DoubleLanes room =
-        max(log2_opacity - DoubleLanes(splat::kSmallestLog2), DoubleLanes(0.0)) / half;
-    const DoubleLanes half_x = sqrt(room * xx);
-    const DoubleLanes half_y = sqrt(room * yy);
+        max(log2_opacity - DoubleLanes(splat::kSmallestLog2), DoubleLanes(0.0)) /
+        DoubleLanes(splat::kHalfLog2E);
+    const DoubleLanes half_x = sqrt(room * at.covariance[0]);
+    const DoubleLanes half_y = sqrt(room * at.covariance[2]);
 
     alignas(64) double numbers[12][kDoubles];
     const DoubleLanes all[12] = {at.mean[0],
                                  at.mean[1],
                                  half_x,
                                  half_y,
-                                 l11,
-                                 l21,
-                                 l22,
+                                 l.l11,
+                                 l.l21,
+                                 l.l22,
                                  log2_opacity,
                                  at.depth,
                                  max(colour[0], DoubleLanes(0.0)),
@@ -183,11 +190,7 @@ inline void gather_gradients(splat::Frame& frame, std::size_t chunk) {
 
     // With d ln α = −(2 ln 2)(u du + w dw) and Lᵀ d = (u, w): ∂/∂μ₂ = 2 ln 2 L Σv(u, w),
     // ∂/∂Σ₂ = ½ Σ₂⁻¹ Σv d dᵀ Σ₂⁻¹ = 2 ln² 2 L Σv(u, w)(u, w)ᵀ Lᵀ.
-    const DoubleLanes half(splat::kHalfLog2E);
-    const DoubleLanes yy = at.covariance[2];
-    const DoubleLanes l11 = sqrt(half * yy / at.determinant);
-    const DoubleLanes l21 = -(l11 * at.covariance[1] / yy);
-    const DoubleLanes l22 = sqrt(half / yy);
+    const auto [l11, l21, l22] = inverse_factor(at);
     const DoubleLanes su = DoubleLanes::load(sums[1]);
     const DoubleLanes sw = DoubleLanes::load(sums[2]);
     const DoubleLanes suu = DoubleLanes::load(sums[3]);

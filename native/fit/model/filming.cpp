@@ -20,9 +20,6 @@ constexpr double kSameFrame = 1e-6;  // frames
 constexpr double kBytesAParticle = 4 * 96 + 2 * 96 + 100 + 150 + 4 * 32;
 constexpr double kBytesAPixel = 2 * 5 * 4 + 4;
 
-/// F of what flows is not how its particles moved.
-bool carries_shape(const mpm::Body& body) { return !body.material.traits().fluid; }
-
 /// The camera that takes images `times` finer.
 splat::Camera finer(splat::Camera camera, int times) {
   camera.width *= times;
@@ -63,17 +60,13 @@ std::vector<float> shared_out(const std::vector<float>& coarse, const splat::Cam
   return result;
 }
 
-/// Adds what counts for places of particles.
-void add_gradients(const splat::GaussianGradients& more, splat::GaussianGradients& sum) {
-  if (sum.means.empty()) {
-    sum.means = more.means;
-    sum.deformation_gradients = more.deformation_gradients;
+template <class T>
+void add_each(const std::vector<T>& more, std::vector<T>& sum) {
+  if (sum.empty()) {
+    sum = more;
     return;
   }
-  for (std::size_t i = 0; i < more.means.size(); ++i) {
-    sum.means[i] += more.means[i];
-    sum.deformation_gradients[i] += more.deformation_gradients[i];
-  }
+  for (std::size_t i = 0; i < more.size(); ++i) sum[i] += more[i];
 }
 
 std::vector<float> first_channel(const splat::Image& image) {
@@ -113,7 +106,7 @@ void ParticleFilm::record(const mpm::ObservedFrame& frame) {
   for (std::size_t b = 0; b < bodies_.size(); ++b) {
     const mpm::ObservedFrame::Body& body = frame.bodies[b];
     bodies_[b].places.push_back(body.positions);
-    if (!carries_shape(scene_.bodies[b])) continue;
+    if (!capture::carries_shape(scene_.bodies[b])) continue;
     Points columns;
     columns.reserve(3 * body.deformation_gradients.size());
     for (const Mat3d& f : body.deformation_gradients) {
@@ -144,42 +137,49 @@ void ParticleFilm::forget_before(double time) {
   first_ += count;
 }
 
+std::optional<ParticleFilm::State> ParticleFilm::state(std::size_t body, double time) const {
+  const OfBody& of = bodies_[body];
+  const std::size_t particles = scene_.bodies[body].rest.size();
+  const std::vector<double> times{time - double(first_) / scene_.fps};
+  const Points places = at_times(of.places, particles, times, scene_.fps).positions;
+  const bool inside =
+      std::all_of(places.begin(), places.end(), [](const Vec3d& x) { return x.allFinite(); });
+  if (!inside) return std::nullopt;
+  State state;
+  state.positions.reserve(particles);
+  for (const Vec3d& x : places) state.positions.push_back(x.cast<float>());
+  state.gradients.assign(particles, Mat3f::Identity());
+  if (of.columns.empty()) return state;
+  const Points columns = at_times(of.columns, 3 * particles, times, scene_.fps).positions;
+  for (std::size_t i = 0; i < particles; ++i) {
+    for (int k = 0; k < 3; ++k) {
+      state.gradients[i].col(k) = columns[3 * i + std::size_t(k)].cast<float>();
+    }
+  }
+  return state;
+}
+
+capture::ParticleView ParticleFilm::view_of(std::size_t body, const State& state) const {
+  capture::ParticleView view;
+  view.name = scene_.bodies[body].name;
+  view.positions = state.positions;
+  view.deformation_gradients = state.gradients;
+  view.separation = 0.5 * scene_.dx;
+  return view;
+}
+
 splat::Gaussians ParticleFilm::at(double time, double size, Arena& arena) const {
   splat::Gaussians all;
-  const std::vector<double> times{time - double(first_) / scene_.fps};
   for (std::size_t b = 0; b < bodies_.size(); ++b) {
-    const OfBody& of = bodies_[b];
-    const std::size_t particles = scene_.bodies[b].rest.size();
-    const Points places = at_times(of.places, particles, times, scene_.fps).positions;
-    const bool inside =
-        std::all_of(places.begin(), places.end(), [](const Vec3d& x) { return x.allFinite(); });
-    if (!inside) return {};
-    std::vector<Vec3f> positions;
-    positions.reserve(particles);
-    for (const Vec3d& x : places) positions.push_back(x.cast<float>());
-    std::vector<Mat3f> gradients;
-    if (of.columns.empty()) {
-      gradients.assign(particles, Mat3f::Identity());
-    } else {
-      const Points columns = at_times(of.columns, 3 * particles, times, scene_.fps).positions;
-      gradients.resize(particles);
-      for (std::size_t i = 0; i < particles; ++i) {
-        for (int k = 0; k < 3; ++k) {
-          gradients[i].col(k) = columns[3 * i + std::size_t(k)].cast<float>();
-        }
-      }
-    }
+    const std::optional<State> state = this->state(b, time);
+    if (!state) return {};
     if (!has_own(b)) {
-      splat::append(all, capture::particle_gaussians(positions, gradients, size * 0.5 * scene_.dx));
+      splat::append(all, capture::particle_gaussians(state->positions, state->gradients,
+                                                     size * 0.5 * scene_.dx));
       continue;
     }
-    capture::ParticleView view;
-    view.name = scene_.bodies[b].name;
-    view.positions = positions;
-    view.deformation_gradients = gradients;
-    view.separation = 0.5 * scene_.dx;
     for (const OwnSplats& one : own_) {
-      if (one.body == b) splat::append(all, one.splats.at(view, arena));
+      if (one.body == b) splat::append(all, one.splats.at(view_of(b, *state), arena));
     }
   }
   return all;
@@ -206,23 +206,38 @@ splat::RenderOptions ParticleFilm::options() const {
   return options;
 }
 
-void ParticleFilm::add_bars(double time, const splat::GaussianGradients& bar, std::size_t frames,
+void ParticleFilm::add_bars(double time, const splat::GaussianGradients& bar, int sh_degree,
+                            std::optional<std::size_t> body, std::size_t frames, Arena& arena,
                             FilmBars& into) const {
   into.bodies.resize(bodies_.size());
   for (std::size_t b = 0; b < bodies_.size(); ++b) {
     const std::size_t particles = scene_.bodies[b].rest.size();
-    FilmBars::OfBody& of = into.bodies[b];
-    Points places(particles);
-    for (std::size_t i = 0; i < particles; ++i) {
-      places[i] = bar.means[begins_[b] + i].cast<double>();
+    Points places(particles, Vec3d::Zero());
+    std::vector<Mat3d> gradients(particles, Mat3d::Zero());
+    if (!has_own(b)) {
+      for (std::size_t i = 0; i < particles; ++i) {
+        places[i] = bar.means[begins_[b] + i].cast<double>();
+        gradients[i] = bar.deformation_gradients[begins_[b] + i].cast<double>();
+      }
+    } else if (const std::optional<State> state = this->state(b, time)) {
+      const bool coloured = !bar.sh.empty() && (!body || *body == b);
+      std::size_t first = begins_[b];
+      for (const OwnSplats& one : own_) {
+        if (one.body != b) continue;
+        one.splats.add_bars(view_of(b, *state), bar, first,
+                            coloured ? std::optional(sh_degree) : std::nullopt, places, gradients,
+                            arena);
+        first += one.splats.size();
+      }
     }
+    FilmBars::OfBody& of = into.bodies[b];
     of.places.resize(frames);
     add_at_time(of.places, time, scene_.fps, places);
-    if (!carries_shape(scene_.bodies[b])) continue;
-    Points columns(3 * particles);
-    for (std::size_t i = 0; i < particles; ++i) {
-      const Mat3f& f = bar.deformation_gradients[begins_[b] + i];
-      for (int k = 0; k < 3; ++k) columns[3 * i + std::size_t(k)] = f.col(k).cast<double>();
+    if (!capture::carries_shape(scene_.bodies[b])) continue;
+    Points columns;
+    columns.reserve(3 * particles);
+    for (const Mat3d& f : gradients) {
+      for (int k = 0; k < 3; ++k) columns.emplace_back(f.col(k));
     }
     of.columns.resize(frames);
     add_at_time(of.columns, time, scene_.fps, columns);
@@ -291,19 +306,27 @@ class Filmer::Pass {
   [[nodiscard]] std::vector<float> seen(std::vector<float> channels) const {
     return averaged(times_visible(std::move(channels)), view_.camera, view_.oversample);
   }
-  /// The way back of what was rendered last, of `part`'s cotangents; of the mask or else of as many
-  /// channels of colour as it has.
-  void back(const splat::Gaussians& gaussians, std::vector<float> Drawn::*part, bool mask) {
+  /// Cotangents that back() goes back to.
+  enum class Into { kMask, kColour };
+  /// The way back of what was rendered last, of `part`'s cotangents: of the mask, or of as many
+  /// channels of colour as it has. `own_colours`: those that the view's bodies have by themselves
+  /// are what was rendered, so that their harmonics count.
+  void back(const splat::Gaussians& gaussians, std::vector<float> Drawn::*part, Into into,
+            bool own_colours = false) {
     if (!bar_) return;
     const std::vector<float>& coarse = (*bar_).*part;
     if (std::all_of(coarse.begin(), coarse.end(), [](float x) { return x == 0.0F; })) return;
     const std::vector<float> fine =
         times_visible(shared_out(coarse, view_.camera, view_.oversample));
     splat::Image channels(camera_.width, camera_.height);
-    std::copy(fine.begin(), fine.end(), (mask ? channels.mask : channels.colour).begin());
+    std::copy(fine.begin(), fine.end(),
+              (into == Into::kMask ? channels.mask : channels.colour).begin());
     splat::GaussianGradients gradients;
     filmer_.rasteriser_.backward(gaussians, channels, gradients);
-    add_gradients(gradients, sum_);
+    add_each(gradients.means, sum_.means);
+    add_each(gradients.deformation_gradients, sum_.deformation_gradients);
+    if (own_colours) add_each(gradients.sh, sum_.sh);
+    for (std::size_t k = 0; k < sum_.pose.size(); ++k) sum_.pose[k] += gradients.pose[k];
   }
   [[nodiscard]] const splat::GaussianGradients& sum() const { return sum_; }
 
@@ -343,7 +366,7 @@ void Filmer::draw(std::size_t v) {
   const splat::Image& image = pass.render(painted);
   pass.hide(image);
   drawn.mask = pass.seen(alone ? image.mask : first_channel(image));
-  pass.back(painted, &Drawn::mask, alone);
+  pass.back(painted, &Drawn::mask, alone ? Pass::Into::kMask : Pass::Into::kColour);
   if (given_.colours != nullptr) {
     const auto& of = given_.colours->bodies;
     painted = gaussians;
@@ -351,14 +374,19 @@ void Filmer::draw(std::size_t v) {
       return Vec3f(of[b].known[i] * of[b].colours[i]);
     });
     drawn.colour = pass.seen(pass.render(painted).colour);
-    pass.back(painted, &Drawn::colour, false);
+    pass.back(painted, &Drawn::colour, Pass::Into::kColour, true);
     film_.paint(painted, view.body, false, [&](std::size_t b, std::size_t i) {
       return Vec3f(Vec3f::Constant(film_.has_own(b) ? 1.0F : of[b].known[i]));
     });
     drawn.known = pass.seen(first_channel(pass.render(painted)));
-    pass.back(painted, &Drawn::known, false);
+    pass.back(painted, &Drawn::known, Pass::Into::kColour);
   }
-  if (!pass.sum().means.empty()) film_.add_bars(view.time, pass.sum(), given_.frames, bars_);
+  if (!pass.sum().means.empty()) {
+    bars_.poses.resize(given_.views.size());
+    bars_.poses[v] = pass.sum().pose;
+    film_.add_bars(view.time, pass.sum(), gaussians.sh_degree, view.body, given_.frames, *arena_,
+                   bars_);
+  }
   if (given_.see) given_.see(v, drawn);
 }
 

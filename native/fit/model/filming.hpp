@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <functional>
@@ -75,6 +76,8 @@ struct FilmBars {
     std::vector<Points> columns;  ///< of F, three a particle; the same
   };
   std::vector<OfBody> bodies;
+  /// By each view's camera, as GaussianGradients::pose has it; empty where nothing was drawn.
+  std::vector<std::array<double, 6>> poses;
 };
 
 /// What the particles of a scene's bodies do, recorded frame by frame, as opaque Gaussians that
@@ -105,9 +108,11 @@ class ParticleFilm {
              const std::function<Vec3f(std::size_t body, std::size_t particle)>& of) const;
   /// How the rasteriser is to draw them: antialiased where splats were trained so.
   [[nodiscard]] splat::RenderOptions options() const;
-  /// The transpose of at(): adds the cotangents of all of its Gaussians at `time` to those of
-  /// `frames` frames. Bodies have no splats of their own.
-  void add_bars(double time, const splat::GaussianGradients& bar, std::size_t frames,
+  /// The transpose of at(): adds the cotangents of all of its Gaussians at `time`, whose harmonics
+  /// are of `sh_degree`, to those of `frames` frames. Where `bar` has some of harmonics, those of
+  /// splats that `body`, or without one each body, has by itself count too.
+  void add_bars(double time, const splat::GaussianGradients& bar, int sh_degree,
+                std::optional<std::size_t> body, std::size_t frames, Arena& arena,
                 FilmBars& into) const;
 
  private:
@@ -115,6 +120,14 @@ class ParticleFilm {
     std::vector<Points> places;   ///< one a frame that is kept
     std::vector<Points> columns;  ///< of F, three a particle; none where it is not carried
   };
+  /// Of a body's particles at a time.
+  struct State {
+    std::vector<Vec3f> positions;
+    std::vector<Mat3f> gradients;
+  };
+  /// None outside of what was recorded.
+  [[nodiscard]] std::optional<State> state(std::size_t body, double time) const;
+  [[nodiscard]] capture::ParticleView view_of(std::size_t body, const State& state) const;
   [[nodiscard]] std::size_t kept() const;
 
   const mpm::Scene& scene_;

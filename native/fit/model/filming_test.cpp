@@ -212,14 +212,19 @@ TEST(Filmer, ACollidersShadowIsCutOut) {
   EXPECT_TRUE(visible_share(scene, 0.5, Vec3d::Zero(), camera(), image, arena).empty());
 }
 
-/// The way back from images between frames to the frames, against differences in some direction of
-/// all of them: a body behind another, drawn finer, of known colours, beside a collider.
-TEST(Filmer, GoesBackFromImagesToFrames) {
+/// A body behind another, beside a collider.
+mpm::Scene crowded() {
   mpm::Scene scene = scene_of({cube_at("a", Vec3d(0, 0, 0)), cube_at("b", Vec3d(0.1, -0.5, 0))});
   shape::Pose pose;
   pose.position = Vec3d(-0.6, -0.8, 0.0);
   scene.colliders = {
       shape::make_box("wall", {}, Vec3d(0.55, 0.05, 1.0), shape::Keyed<shape::Pose>(pose))};
+  return scene;
+}
+
+/// The way back from images between frames to the frames, against differences in some direction of
+/// all of them: one body, drawn finer, of known colours.
+void expect_way_back(const mpm::Scene& scene, std::span<const OwnSplats> own) {
   ParticleColours colours;
   for (const mpm::Body& body : scene.bodies) {
     auto& of = colours.bodies.emplace_back();
@@ -277,6 +282,7 @@ TEST(Filmer, GoesBackFromImagesToFrames) {
     Filmer::Given given;
     given.views = views;
     given.colours = &colours;
+    given.own = own;
     given.see = [&](std::size_t v, const Drawn& image) {
       const Drawn bar = bar_of(v);
       for (const auto part : {&Drawn::mask, &Drawn::colour, &Drawn::known}) {
@@ -315,6 +321,40 @@ TEST(Filmer, GoesBackFromImagesToFrames) {
   EXPECT_GT(std::abs(difference), 1.0);
   // What is cut off at α = 1/255 has an edge that moves; the way back does not know of it.
   EXPECT_NEAR(exact, difference, 0.03 * std::abs(difference));
+}
+
+TEST(Filmer, GoesBackFromImagesToFrames) { expect_way_back(crowded(), {}); }
+
+/// Both bodies by splats of their own, of different degrees; the second's are bound by what fits
+/// its particles, and in front of the first's.
+TEST(Filmer, GoesBackFromImagesOfSplats) {
+  mpm::Scene scene = crowded();
+  mpm::Body& soft = scene.bodies[1];
+  soft.material.law = material::Law::kVonMises;
+  const auto painted = [&](std::size_t b, int degree, std::size_t each) {
+    capture::Splats splats;
+    splats.sh_degree = degree;
+    splats.antialiased = true;
+    const std::vector<Vec3d>& rest = scene.bodies[b].rest;
+    for (std::size_t i = 0; i < rest.size(); i += each) {
+      const auto at = float(i);
+      splats.means.push_back(rest[i].cast<float>() + Vec3f(0.011F, 0.007F, -0.009F));
+      splats.rotations.emplace_back(
+          Eigen::AngleAxisf(0.1F * at, Vec3f(1.0F, 2.0F, -1.0F).normalized()));
+      splats.scales.emplace_back(0.03F, 0.02F, 0.025F);
+      splats.opacities.push_back(0.7F);
+      for (std::size_t k = 0; k < 3 * splats.sh_bands(); ++k) {
+        splats.sh.push_back(0.15F * std::sin(0.9F * at + float(k)));
+      }
+    }
+    return BodySplats{b, splats};
+  };
+  Arena arena(1);
+  const std::vector<OwnSplats> own =
+      carried({painted(0, 3, 2), painted(1, 1, 3), painted(0, 2, 5)}, scene, arena);
+  EXPECT_EQ(own[0].splats.binding().gradient(), capture::BindingGradient::kParticle);
+  EXPECT_EQ(own[1].splats.binding().gradient(), capture::BindingGradient::kFitted);
+  expect_way_back(scene, own);
 }
 
 /// Splats that a body carries, turned a quarter about z: red seen from the front at rest, green

@@ -11,7 +11,8 @@ bool has_slopes(const Parameters& parameters, std::size_t run, const mpm::Scene&
   const auto total = std::count_if(scene.bodies.begin(), scene.bodies.end(), mpm::is_total);
   if (total > 0 && scene.bodies.size() > 1) return false;
   for (std::size_t i = 0; i < parameters.size(); ++i) {
-    if (parameters.acts_on(i, run) && !has_slope(parameters.path(i), scene)) return false;
+    if (!parameters.acts_on(i, run) || parameters.path(i).quantity->camera_slope) continue;
+    if (!has_slope(parameters.path(i), scene)) return false;
   }
   return true;
 }
@@ -19,7 +20,8 @@ bool has_slopes(const Parameters& parameters, std::size_t run, const mpm::Scene&
 void add_slopes(const Parameters& parameters, std::size_t run, const mpm::Scene& scene,
                 const mpm::Gradient& gradient, std::span<double> sum) {
   for (std::size_t i = 0; i < parameters.size(); ++i) {
-    if (parameters.acts_on(i, run)) sum[i] += slope(gradient, scene, parameters.path(i));
+    if (!parameters.acts_on(i, run) || parameters.path(i).quantity->camera_slope) continue;
+    sum[i] += slope(gradient, scene, parameters.path(i));
   }
 }
 

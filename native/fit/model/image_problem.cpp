@@ -192,7 +192,7 @@ std::vector<std::vector<Points>> ImageProblem::track_bars(const Eigen::VectorXd&
 double ImageProblem::transposed_cost() const {
   // Beside the way back of tracks: a simulation more, and views that are drawn twice.
   constexpr double kDrawing = 3.0;
-  if (!model_.has_gradient() || !model_.own(0).empty()) return 0.0;
+  if (!model_.has_gradient()) return 0.0;
   return kDrawing + model_.gradient_cost();
 }
 

@@ -121,11 +121,11 @@ class Model {
   /// simulation: `bars` run by run and capture by capture, (T, N), none of a run that is not
   /// simulated or of which nothing is said. With images, whose Filming has a `bar`, that of these
   /// too: they are drawn and gone back through in a first simulation, since what lies between
-  /// frames is known only after the next; cameras and what colliders hide are held. By the
+  /// frames is known only after the next; what colliders hide is held. By the
   /// adjoint (mpm/gradient.hpp), with substeps held, and with the share of total
   /// Lagrangian velocities that is smoothed. Nothing where the simulation could not be completed,
-  /// a gigabyte does not hold its record, or images show splats of a body's own. Equal bits for any
-  /// number of threads. Throws Error(kCancelled).
+  /// or a gigabyte does not hold its record. Equal bits for any number of threads. Throws
+  /// Error(kCancelled).
   [[nodiscard]] std::optional<std::vector<double>> pull_back(
       const std::vector<double>& values, const Scope& scope,
       const std::vector<std::vector<Points>>& bars,
@@ -143,8 +143,8 @@ class Model {
   struct Trial;
   struct Listener;
   /// Hands the gradient of each run that is simulated to `use`; false where there is none.
-  using UseGradient =
-      std::function<void(std::size_t run, const mpm::Scene& scene, const mpm::Gradient& gradient)>;
+  using UseGradient = std::function<void(std::size_t run, const mpm::Scene& scene,
+                                         const mpm::Gradient& gradient, const FilmBars& drawn)>;
   [[nodiscard]] bool each_gradient(const std::vector<double>& values, const Scope& scope,
                                    const std::vector<std::vector<Points>>& bars,
                                    bool published_weights,
@@ -153,6 +153,9 @@ class Model {
   /// What the values of a run do by way of contacts that follow the material.
   void add_through_contacts(std::size_t run, std::span<const double> values,
                             const mpm::Gradient& gradient, std::span<double> sum) const;
+  /// What they do by way of the cameras of `filming`'s views.
+  void add_through_cameras(std::size_t run, std::span<const double> values, const Filming& filming,
+                           const FilmBars& drawn, std::span<double> sum) const;
   [[nodiscard]] mpm::Simulation::Options simulation_options() const;
   /// Points that are given on the model, after the body was placed anew.
   [[nodiscard]] Points placed_points(std::size_t run, const Query& query, const std::string& body,

@@ -107,6 +107,40 @@ void Model::add_through_contacts(std::size_t run, std::span<const double> values
   }
 }
 
+void Model::add_through_cameras(std::size_t run, std::span<const double> values,
+                                const Filming& filming, const FilmBars& drawn,
+                                std::span<double> sum) const {
+  constexpr double kDifference = 1e-5;  // of a length or an angle: where cubes of it are rounding
+  for (std::size_t i = 0; i < parameters_.size(); ++i) {
+    const Address& path = parameters_.path(i);
+    if (!parameters_.acts_on(i, run) || !path.quantity->camera_slope) continue;
+    const auto viewing = [&](double step, std::size_t film) {
+      std::vector<double> moved(values.begin(), values.end());
+      moved[i] += step;
+      return parameters_.film_viewing(moved, run, film);
+    };
+    for (std::size_t v = 0; v < drawn.poses.size(); ++v) {
+      const View& view = filming.views[v];
+      if (runs_[run].films[view.film].name != path.owner || view.number != path.index) continue;
+      const auto camera = [&](double step) {
+        return posed(view.camera, viewing(step, view.film).poses[view.number]);
+      };
+      const splat::Camera at = camera(0.0);
+      const splat::Camera more = camera(kDifference);
+      const splat::Camera less = camera(-kDifference);
+      const Mat3d spin =
+          (more.rotation - less.rotation) * at.rotation.transpose() / (2.0 * kDifference);
+      const Vec3d turn(spin(2, 1), spin(0, 2), spin(1, 0));
+      const Vec3d shift =
+          (more.translation - less.translation) / (2.0 * kDifference) - turn.cross(at.translation);
+      for (int k = 0; k < 3; ++k) {
+        sum[i] += drawn.poses[v][std::size_t(k)] * turn[k];
+        sum[i] += drawn.poses[v][std::size_t(3 + k)] * shift[k];
+      }
+    }
+  }
+}
+
 std::optional<std::vector<double>> Model::pull_back(
     const std::vector<double>& values, const Scope& scope,
     const std::vector<std::vector<Points>>& bars,
@@ -118,12 +152,15 @@ std::optional<std::vector<double>> Model::pull_back(
   for (std::size_t i = 0; i < parameters_.size(); ++i) {
     weights = weights || parameters_.path(i).quantity == &move;
   }
-  const bool found =
-      each_gradient(values, scope, bars, weights, progress,
-                    [&](std::size_t run, const mpm::Scene& scene, const mpm::Gradient& gradient) {
-                      add_slopes(parameters_, run, scene, gradient, sum);
-                      add_through_contacts(run, values, gradient, sum);
-                    });
+  const bool found = each_gradient(values, scope, bars, weights, progress,
+                                   [&](std::size_t run, const mpm::Scene& scene,
+                                       const mpm::Gradient& gradient, const FilmBars& drawn) {
+                                     add_slopes(parameters_, run, scene, gradient, sum);
+                                     add_through_contacts(run, values, gradient, sum);
+                                     if (scope.filming != nullptr) {
+                                       add_through_cameras(run, values, *scope.filming, drawn, sum);
+                                     }
+                                   });
   if (!found) return std::nullopt;
   return sum;
 }
@@ -135,7 +172,7 @@ std::optional<std::vector<double>> Model::pull_back_published(
   std::vector<double> sum;
   const bool found = each_gradient(
       values, scope, bars, true, progress,
-      [&](std::size_t, const mpm::Scene& scene, const mpm::Gradient& gradient) {
+      [&](std::size_t, const mpm::Scene& scene, const mpm::Gradient& gradient, const FilmBars&) {
         const std::vector<double>& of = gradient.bodies[body_index(scene, body)].material.published;
         sum.resize(std::max(sum.size(), of.size()), 0.0);
         for (std::size_t i = 0; i < of.size(); ++i) sum[i] += of[i];
@@ -156,7 +193,6 @@ bool Model::each_gradient(const std::vector<double>& values, const Scope& scope,
       mpm::Scene& scene = trial.scene;
       trial.set_substeps(trial.finer);
       scene.end_frame = scene.first_frame + trial.frames + 1;
-      if (!trial.view_times.empty() && !trial.own.empty()) return false;
       const FilmBars drawn = trial.view_times.empty() ? FilmBars() : film_bars(trial, scope, arena);
       std::vector<std::vector<Points>> frames;
       frames.reserve(trial.watchers.size());
@@ -192,7 +228,7 @@ bool Model::each_gradient(const std::vector<double>& values, const Scope& scope,
       options.progress = progress;
       const mpm::Gradient gradient =
           mpm::gradient<float>(scene, arena, observer, options, interrupter_);
-      use(r, scene, gradient);
+      use(r, scene, gradient, drawn);
     }
   } catch (const Error& error) {
     if (error.kind() == ErrorKind::kCancelled) throw;

@@ -101,11 +101,13 @@ struct Quantity {
   UsualStart usual = {};
   double never = 0.0;  ///< values from here up mean that it does not happen, where a search that
                        ///< begins there would see nothing: it takes the usual start; 0: none do
-  double prior_sigma = 0.2;      ///< of a prior to begin with: physical; of logarithms and logits a
-                                 ///< share of the value
-  bool always_prior = false;     ///< fitted with a prior about its default even where none is given
-  bool scanned = false;          ///< starts are looked for along it
-  bool stiffness = false;        ///< what raises it makes substeps shorter
+  double prior_sigma = 0.2;   ///< of a prior to begin with: physical; of logarithms and logits a
+                              ///< share of the value
+  bool always_prior = false;  ///< fitted with a prior about its default even where none is given
+  bool scanned = false;       ///< starts are looked for along it
+  bool stiffness = false;     ///< what raises it makes substeps shorter
+  /// Moves a camera, whose derivative drawing knows (Model::pull_back()).
+  bool camera_slope = false;
   bool slope_of_updated = true;  ///< updated Lagrangian bodies feel it, if there is a slope at all
   std::string_view label = {};   ///< for a panel, without the unit
   std::string_view sentence = {};  ///< what it is, for a tooltip

@@ -154,6 +154,7 @@ std::vector<Quantity> capture_rows() {
        .high = 0.5,
        .prior_sigma = 0.02,
        .always_prior = true,
+       .camera_slope = true,
        .label = "Camera Shift",
        .sentence = "How far a camera stands from where its file says, in the world's axes",
        .words = "where the camera stands",
@@ -169,6 +170,7 @@ std::vector<Quantity> capture_rows() {
        .high = 0.3,
        .prior_sigma = 0.02,
        .always_prior = true,
+       .camera_slope = true,
        .label = "Camera Turn",
        .sentence = "Rotation vector of a camera about its centre, in its own axes, on top of what "
                    "its file says",

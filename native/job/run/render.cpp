@@ -161,11 +161,10 @@ splat::Gaussians gaussians_of_body(const Job& job, const mpm::Scene& scene, std:
     if (one.body == k) splat::append(all, one.splats.at(view, arena));
   }
   if (all.size() > 0) return all;
-  // F of what flows is not how its particles moved.
-  const bool whole = !body.material.traits().fluid;
-  all = capture::particle_gaussians(view.positions,
-                                    whole ? view.deformation_gradients : std::span<const Mat3f>{},
-                                    fit::kUsualSize * separation);
+  all = capture::particle_gaussians(
+      view.positions,
+      capture::carries_shape(body) ? view.deformation_gradients : std::span<const Mat3f>{},
+      fit::kUsualSize * separation);
   capture::set_colours(all, colours);
   return all;
 }

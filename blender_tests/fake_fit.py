@@ -24,6 +24,25 @@ def estimate(path, unit, start, value, error, **other):
     return {**entry, **other}
 
 
+def agreement(iou):
+    """Of images whose outlines overlap so much; None: there are none, or none shows anything ("empty")."""
+    if iou == "empty":
+        return {"images": 0, "empty": 2}
+    return None if iou is None else {"images": 2, "iou": iou, "contour_px": 1.5}
+
+
+def outlines(before, after, cameras=()):
+    """What a fit to images alone has in place of errors in mm: pairs (fitted, held out) of overlaps before and
+    after, and [(capture, number, fitted, held out)] of cameras."""
+    def parts(pair):
+        return dict(zip(("fitted", "held_out"), map(agreement, pair), strict=True))
+
+    none = {"fitted": None, "held_out": None}
+    return {"silhouettes": {"before": parts(before), "after": parts(after)}, "before": none, "after": none,
+            "cameras": [{"capture": capture, "camera": number, "particle_size": 1.0, **parts(pair)}
+                        for capture, number, *pair in cameras]}
+
+
 def write_history(folder, entries=None):
     """A curve of two stages."""
     if entries is None:
@@ -35,11 +54,12 @@ def write_history(folder, entries=None):
 
 
 def write(folder, status="done", law=None, change=None, extra=(), held_out=True,
-          warning="", poses=()):
+          warning="", poses=(), images=None):
     """result.json, scene.json, material.json and the history of a fit of the job.json in `folder`.
 
     The first body gets E, velocity (1, 2, 3) m/s, and what `change(scene)` does; `extra` are more
-    entries of the result's parameters, `poses` those of the first capture's cameras.
+    entries of the result's parameters, `poses` those of the first capture's cameras, `images` the outlines() of
+    a fit to images.
     """
     document = files.read_json(os.path.join(folder, "job.json"))
     scene = copy.deepcopy(document["scene"])
@@ -72,7 +92,7 @@ def write(folder, status="done", law=None, change=None, extra=(), held_out=True,
                        "it a prior."],
         "before": {"fitted": measure(8.0), "held_out": measure(16.0) if held_out else None},
         "after": {"fitted": measure(0.5), "held_out": measure(0.75) if held_out else None},
-        "history": [], "models": [], "warning": warning}
+        "history": [], "models": [], "warning": warning, **(images or {})}
     if "laws" in document.get("fit", {}):
         fit["models"] = [
             {"law": "fixed_corotated", "held_out_mm": 0.75, "fitted_mm": 0.5, "probability": 0.97,

@@ -5,7 +5,7 @@ import os
 
 import bpy
 import numpy
-from matterfit.io import blender_cameras, files
+from matterfit.io import blender_cameras, files, lost
 from support import needs_library, run_cli
 from test_images import HEIGHT, WIDTH, ImagesCase
 
@@ -42,6 +42,90 @@ class RenderTakeTest(ImagesCase):
         rows = numpy.arange(HEIGHT) @ alpha.sum(axis=1)
         self.assertGreater(alpha.sum(), 10.0)
         return rows / alpha.sum()
+
+    def rendered(self):
+        """The camera's only background, drawn of a take that was baked before."""
+        bpy.ops.matterfit.bake(onto="REPLACE")
+        self.assertEqual(bpy.ops.matterfit.render_take(), {"FINISHED"}, self.error())
+        return self.drawn()[0]
+
+    def drawn(self):
+        return blender_cameras.backgrounds(self.scene.camera)[1]
+
+    def photograph(self):
+        """One behind the camera's view, which stays as it is."""
+        image = bpy.data.images.new("photograph", WIDTH, HEIGHT)
+        blender_cameras.set_background(self.scene.camera, image)
+        return image
+
+    @needs_library
+    def test_a_bake_in_place_of_what_was_drawn(self):
+        """The pictures of what a take held before are gone, and nothing points at them."""
+        photograph = self.photograph()
+        path = files.absolute(self.rendered().image.filepath)
+        # The same states: the pictures are of these.
+        bpy.ops.matterfit.bake(onto="REPLACE")
+        self.assertTrue(os.path.isfile(path))
+        self.assertEqual(len(self.drawn()), 1)
+        copy = self.scene.camera.copy()
+        copy.data = copy.data.copy()
+        self.settings.bodies[0].velocity = (1.0, 0.0, 0.0)
+        bpy.ops.matterfit.bake(onto="REPLACE")
+        self.assertFalse(os.path.isfile(path))
+        for camera in (self.scene.camera, copy):
+            self.assertEqual([shown.image for shown in camera.data.background_images], [photograph])
+        self.assertEqual(self.images(), [])
+        self.assertIn("Render Take draws new ones", bpy.context.window_manager.matterfit.last_report)
+        self.assertEqual(self.rendered().image.source, "SEQUENCE")
+        self.assertNotIn("Render Take", bpy.context.window_manager.matterfit.last_report)
+
+    def images(self):
+        return [image for image in bpy.data.images if image.get(blender_cameras.DRAWN)]
+
+    @needs_library
+    def test_an_image_that_something_else_uses(self):
+        image = self.rendered().image
+        material = bpy.data.materials.new("screen")
+        material.use_nodes = True
+        material.node_tree.nodes.new("ShaderNodeTexImage").image = image
+        self.settings.bodies[0].velocity = (1.0, 0.0, 0.0)
+        bpy.ops.matterfit.bake(onto="REPLACE")
+        self.assertEqual((self.drawn(), self.images(), image.users), ([], [image], 1))
+
+    @needs_library
+    def test_a_bake_into_a_new_take(self):
+        """The pictures of the first stay, and are shown."""
+        self.rendered()
+        self.settings.bodies[0].velocity = (1.0, 0.0, 0.0)
+        bpy.ops.matterfit.bake(onto="NEW")
+        self.assertEqual(len(self.settings.takes), 2)
+        self.assertEqual(len(self.drawn()), 1)
+
+    @needs_library
+    def test_pictures_that_go_with_the_cache(self):
+        for end in ("free", "remove_take"):
+            with self.subTest(end):
+                self.rendered()
+                self.assertEqual(getattr(bpy.ops.matterfit, end)(), {"FINISHED"}, self.error())
+                self.assertEqual((self.drawn(), self.images()), ([], []))
+        # Undo brings back what is shown, and no file.
+        path = files.absolute(self.rendered().image.filepath)
+        os.remove(path)
+        lost.forget(self.scene)
+        self.assertEqual((self.drawn(), self.images()), ([], []))
+
+    @needs_library
+    def test_compared_after_a_change(self):
+        """A take that only Render Take has simulated is simulated anew."""
+        self.assertEqual(bpy.ops.matterfit.render_take(), {"FINISHED"})
+        camera = self.scene.camera
+        bpy.ops.matterfit.import_images(filepath=self.clip(), cameras=False)
+        self.scene.camera = camera
+        self.assertEqual(bpy.ops.matterfit.compare(), {"FINISHED"}, self.error())
+        self.assertEqual(len(self.drawn()), 1)
+        self.settings.bodies[0].velocity = (1.0, 0.0, 0.0)
+        self.assertEqual(bpy.ops.matterfit.compare(), {"FINISHED"}, self.error())
+        self.assertEqual((self.drawn(), self.images()), ([], []))
 
     @needs_library
     def test_without_a_window(self):

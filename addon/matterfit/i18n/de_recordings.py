@@ -11,7 +11,29 @@ TEXTS = {
         "Im Ordner des Takes liegen keine Überlagerungen von „{name}“. Noch einmal vergleichen.",
     "The scene has no cameras of '{name}'. Import the images with Add Cameras.":
         "Die Szene hat keine Kameras von „{name}“. Die Bilder mit Kameras importieren.",
-    "Held-Out Colours": "Zurückgehaltene Farben",
+    "Outlines overlap by {share} %, held-out ones by {held_out} %, in {time}":
+        "Die Umrisse decken sich zu {share} %, zurückgehaltene zu {held_out} %, in {time}",
+    "Fitted outlines overlap by {before} → {after} %, in {time}":
+        "Angepasste Umrisse decken sich zu {before} → {after} %, in {time}",
+    "Fitted outlines overlap by {before} → {after} %, held-out ones by {held_before} → {held_after} %, in {time}":
+        "Angepasste Umrisse decken sich zu {before} → {after} %, zurückgehaltene zu {held_before} → {held_after} %, "
+        "in {time}",
+    "Overlap of Outlines [%]": "Überdeckung der Umrisse [%]",
+    "Overlap by Camera [%]": "Überdeckung je Kamera [%]",
+    "Not Held Out": "Nicht zurückgehalten",
+    "Cameras": "Kameras",
+    "Images are held out by frames or by cameras.": "Von Bildern werden Frames oder Kameras zurückgehalten.",
+    "Fit: laws are compared by points only, and '{name}' is by images. Set Law to The Body's Law, or disable "
+    "captures by images.":
+        "Anpassung: Gesetze werden nur anhand von Punkten verglichen, und „{name}“ besteht aus Bildern. Als Gesetz "
+        "das des Körpers wählen, oder Aufnahmen aus Bildern abschalten.",
+    "Laws are compared by points only: set Law to The Body's Law, or disable captures by images.":
+        "Gesetze werden nur anhand von Punkten verglichen: als Gesetz das des Körpers wählen, oder Aufnahmen aus "
+        "Bildern abschalten.",
+    "Render Take's pictures of what the take held before are gone, from behind the camera's view too. Render Take "
+    "draws new ones.":
+        "Die Bilder, die Render Take von dem zeichnete, was der Take vorher enthielt, sind gelöscht, auch hinter der "
+        "Ansicht der Kamera. Render Take zeichnet neue.",
     "Show Splats": "Splats zeigen",
     "Hide Splats": "Splats verbergen",
     "Render Splats": "Splats zeichnen",

@@ -259,6 +259,15 @@ def set_background(camera, image):
     return shown
 
 
+def remove_background(data, image):
+    """Shows the image in no view of the camera's any more; whether it was shown in one."""
+    ours = [shown for shown in data.background_images if shown.image == image]
+    for shown in ours:
+        shown.image = None  # what is removed with its image would go on being its user
+        data.background_images.remove(shown)
+    return bool(ours)
+
+
 def backgrounds(camera):
     """(photographs, drawn splats) among what is shown behind a camera's view."""
     found = [shown for shown in camera.data.background_images

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 from ..compat import translate
 from ..jobs import JobError
-from . import files, job_fit, number_text, presets
+from . import files, fit_outlines, job_fit, number_text, presets
 
 RESULT_FILE = "result.json"
 SCENE_FILE = "scene.json"
@@ -87,7 +87,7 @@ class FitResult:
     warning: str = ""  # why the values are not to be used as they stand
     likes: dict = field(default_factory=dict)  # {body: Like} of laws that have no formula
     predicted: Predicted = None  # where something was held out and the fit knows its errors
-    outlines: dict = field(default_factory=dict)  # {"fitted", "held_out": (overlap before, after)} of images
+    outlines: fit_outlines.Outlines = None  # of a fit to images
 
 
 def load(folder):
@@ -125,16 +125,7 @@ def _result(document, found):
         warning=str(found.get("warning") or ""),
         likes={str(name): _like(entry) for name, entry in (found.get("like") or {}).items()},
         predicted=_predicted(found.get("predicted")),
-        outlines=_outlines(found.get("silhouettes") or {}))
-
-
-def _outlines(silhouettes):
-    found = {}
-    for part in ("fitted", "held_out"):
-        overlaps = [((silhouettes.get(when) or {}).get(part) or {}).get("iou") for when in ("before", "after")]
-        if None not in overlaps:
-            found[part] = tuple(float(overlap) for overlap in overlaps)
-    return found
+        outlines=fit_outlines.read(found))
 
 
 def _predicted(entry):

@@ -12,19 +12,26 @@ REPORT = "report.json"
 OVERLAYS = "overlay"
 
 
-@dataclass
-class ImageComparison:
-    """Masks of the simulation against those of one capture: mean overlap (None where no image shows
-    anything), mean distance of outlines [pixels, None where none has one], and `frames`, an object an image
-    as the result has it. `colours` and `held_out_colours`: (PSNR [dB], SSIM) of the images that are not held
-    out and of those that are, None where none has colours that can be compared."""
+@dataclass(frozen=True)
+class Agreement:
+    """Of some images: mean overlap (None where none shows anything), mean distance of outlines [pixels, None
+    where none has one], (PSNR [dB], SSIM) of colours (None where none has any that can be compared)."""
 
-    name: str
     iou: float | None
     contour: float | None
+    colours: tuple | None
+
+
+@dataclass
+class ImageComparison:
+    """Masks of the simulation against those of one capture: the Agreement of the images that are not held out
+    (`seen`) and of those that are (None: there are none), and `frames`, an object an image as the result has
+    it."""
+
+    name: str
+    seen: Agreement
+    held_out: Agreement | None
     frames: list
-    colours: tuple | None = None
-    held_out_colours: tuple | None = None
 
     def worst(self, count=10):
         """The images that agree least, the worst first; those that show nothing are left out."""
@@ -42,17 +49,18 @@ def load(folder, name=""):
         if not found:
             return None
         images = found[0]
-        iou = images.get("iou")
-        return ImageComparison(images["name"], None if iou is None else float(iou), images.get("contour_px"),
-                               images["frames"], _colours(images.get("not_held_out", images)),
-                               _colours(images.get("held_out", {})))
+        held_out = images.get("held_out")
+        return ImageComparison(images["name"], _agreement(images.get("not_held_out", images)),
+                               _agreement(held_out) if held_out else None, images["frames"])
     except (JobError, OSError, ValueError, KeyError, TypeError, AttributeError):
         return None
 
 
-def _colours(images):
-    ratio, likeness = (images or {}).get("psnr_db"), (images or {}).get("ssim")
-    return None if ratio is None or likeness is None else (float(ratio), float(likeness))
+def _agreement(images):
+    images = images or {}
+    iou, ratio, likeness = images.get("iou"), images.get("psnr_db"), images.get("ssim")
+    return Agreement(None if iou is None else float(iou), images.get("contour_px"),
+                     None if ratio is None or likeness is None else (float(ratio), float(likeness)))
 
 
 def overlays(folder, name):

@@ -24,6 +24,11 @@ def document(settings, scene_document, captures):
     """
     fit = settings.fit
     _check_captures(captures)
+    images = ["cameras" in capture for capture in captures]
+    if any(images) and fit.law != "BODY":
+        raise JobError(translate("Fit: laws are compared by points only, and '{name}' is by images. Set Law to The "
+                                 "Body's Law, or disable captures by images.").format(
+                                     name=captures[images.index(True)]["name"]))
     scene_document = {**scene_document, "captures": captures}
     tried = tried_laws(fit)
     if fit.law == "FIND" and not tried:
@@ -39,23 +44,29 @@ def document(settings, scene_document, captures):
     if not entries:
         raise JobError(translate("Fit: no parameter is switched on. Switch on at least one in the "
                                  "list."))
-    found = {
-        "parameters": entries,
-        "loss": fit.loss.lower(),
-        "huber": number(fit.huber) if fit.use_huber else 0,
-        "iterations": fit.iterations,
-        "windows": fit.windows,
-    }
-    if fit.loss == "TRACKS":
-        found["draws"] = _DRAWS
-    if fit.levels:
-        found["levels"] = [2**level for level in reversed(range(fit.levels))]
+    found = {"parameters": entries}
+    if not all(images):
+        found["loss"] = fit.loss.lower()
+    found["huber"] = number(fit.huber) if fit.use_huber else 0
+    found["iterations"] = fit.iterations
+    if not any(images):
+        found.update(_of_tracks(fit))
     if tried:
         found["laws"] = "all" if len(tried) == len(laws.CANDIDATES) else [law.lower() for law in tried]
     if fit.weight_steps and has_weights(settings):
         found["weights"] = fit.weight_steps
-    elif fit.correction_steps:
+    elif fit.correction_steps and not any(images):
         found["correction"] = fit.correction_steps
+    return found
+
+
+def _of_tracks(fit):
+    """What means nothing where images are fitted."""
+    found = {"windows": fit.windows}
+    if fit.loss == "TRACKS":
+        found["draws"] = _DRAWS
+    if fit.levels:
+        found["levels"] = [2**level for level in reversed(range(fit.levels))]
     return found
 
 

@@ -194,5 +194,5 @@ class ImagePart:
             return {"cameras": camera_numbers(capture.holdout_tracks, self.where)}
         if capture.holdout == "CAPTURE":
             raise JobError(f"{self.where}: images are held out by frames or by cameras. Choose "
-                           "Last Frames, or Points and name cameras.")
+                           "Last Frames, or Cameras and name them.")
         return None

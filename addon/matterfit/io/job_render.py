@@ -9,6 +9,8 @@ from . import blender_cameras, camera_capture, files, job_writer
 from .nodes import relative_path
 
 CAMERAS = "render_camera"
+PICTURES = "render"  # the folder of the pictures in the take's
+
 
 def document(writer, captures):
     """The document's `render`: the scene's camera; where that is one of a capture's and stands as that has it,
@@ -36,3 +38,20 @@ def show(camera, folder, result):
     image.reload()
     image[blender_cameras.DRAWN] = True
     blender_cameras.show_sequence(camera, image, result["frames"][0], len(found))
+
+
+def hide_removed(folder):
+    """Takes pictures that a take's folder holds no more away from behind all cameras' views, and their image
+    where nothing else uses it. Returns whether any was shown."""
+    pictures = os.path.join(os.path.normpath(folder), PICTURES) + os.sep
+    found = False
+    for image in list(bpy.data.images):
+        path = files.absolute(image.filepath)
+        if not image.get(blender_cameras.DRAWN) or not path.startswith(pictures) or os.path.isfile(path):
+            continue
+        for data in bpy.data.cameras:
+            if data.library is None:
+                found = blender_cameras.remove_background(data, image) or found
+        if not image.users:
+            bpy.data.images.remove(image)
+    return found

@@ -4,7 +4,7 @@
 import os
 
 from ..props import reactions
-from . import attached, cache, fit_results, takes
+from . import attached, cache, fit_results, job_render, takes
 
 
 def forget(scene):
@@ -16,6 +16,7 @@ def forget(scene):
         location = takes.locate(take)
         if not location.folder or location.linked and not cache.in_batch(take):
             continue
+        job_render.hide_removed(location.folder)
         # Files that are not ours may have kept the folder.
         if not os.path.isfile(os.path.join(location.folder, "manifest.json")):
             changed = _forget_take(scene, take) or changed

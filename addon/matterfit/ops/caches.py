@@ -8,7 +8,7 @@ import bpy
 
 from .. import jobs, native
 from ..compat import translate
-from ..io import attached, cache, job_boxes, job_document, takes
+from ..io import attached, cache, job_boxes, job_document, job_render, takes
 from ..props import scene as scene_props
 from .base import NoJobRunning, PlainOperator, greyed, redraw, report_left, session
 from .job_operator import JobOperator
@@ -67,6 +67,7 @@ class MATTERFIT_OT_free(NoJobRunning, PlainOperator, bpy.types.Operator):
         left = []
         if location.exists and not location.linked:
             left = cache.free(location.folder)
+            job_render.hide_removed(location.folder)
         take.baked = False
         take.frames_done = 0
         session(context).last_report = ""  # of the bake that was there

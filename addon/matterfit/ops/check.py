@@ -31,8 +31,7 @@ class MATTERFIT_OT_check_fit(JobOperator, bpy.types.Operator):
         native.require()
         scene = context.scene
         settings = scene.matterfit
-        if settings.fit.loss != "TRACKS" or any(
-                capture.enabled and capture.source == "IMAGES" for capture in settings.captures):
+        if settings.fit.loss != "TRACKS" or scene_props.has_images(settings):
             raise JobError(translate(
                 "Check: needs recordings that follow the same points through time. Set Loss to "
                 "Tracks, and disable captures by images."))

@@ -5,7 +5,7 @@ import bpy
 
 from .. import jobs, native
 from ..compat import translate
-from ..io import blender_cameras, comparison, image_comparison, takes, words
+from ..io import blender_cameras, comparison, fit_outlines, image_comparison, job_render, takes, words
 from ..jobs import JobError
 from ..props import scene as scene_props
 from ..props.compare import store
@@ -42,7 +42,11 @@ class MATTERFIT_OT_compare(JobOperator, bpy.types.Operator):
         return start_job(context, translate("Compare {name}").format(name=take.name), prepared,
                          folder, restart)
 
+    def stopped(self, context, job):
+        job_render.hide_removed(job.folder)
+
     def ended(self, context, job):
+        job_render.hide_removed(job.folder)
         scene, take = takes.find(job.folder)
         if scene is None:
             return
@@ -72,11 +76,16 @@ def summary(found, job):
 
 
 def image_summary(found, job):
-    if found.iou is None:
+    """The same of images."""
+    time, held_out = jobs.duration_text(job.elapsed), found.held_out
+    if found.seen.iou is None and (held_out is None or held_out.iou is None):
         return translate("No image shows the body, in the recording or the simulation; compared in {time}"
-                         ).format(time=jobs.duration_text(job.elapsed))
-    return translate("Outlines overlap by {share} %, in {time}").format(
-        share=f"{100.0 * found.iou:.1f}", time=jobs.duration_text(job.elapsed))
+                         ).format(time=time)
+    share = fit_outlines.percent(found.seen.iou)
+    if held_out is None:
+        return translate("Outlines overlap by {share} %, in {time}").format(share=share, time=time)
+    return translate("Outlines overlap by {share} %, held-out ones by {held_out} %, in {time}").format(
+        share=share, held_out=fit_outlines.percent(held_out.iou), time=time)
 
 
 class MATTERFIT_OT_show_overlays(PlainOperator, bpy.types.Operator):

@@ -30,10 +30,11 @@ class MATTERFIT_OT_diagnose(FitJob, bpy.types.Operator):
     resume_operator = "matterfit.diagnose"
 
     def begin(self, context):
-        if context.scene.matterfit.fit.loss != "TRACKS":
+        settings = context.scene.matterfit
+        if settings.fit.loss != "TRACKS" or scene_props.has_images(settings):
             raise JobError(translate(
                 "Diagnose: needs recordings that follow the same points through time. Set Loss in "
-                "Fit to Tracks."))
+                "Fit to Tracks, and disable captures by images."))
         return (yield from self.begin_at_scene(context, translate("Diagnose {name}")))
 
     def ended(self, context, job):

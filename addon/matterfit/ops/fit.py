@@ -8,7 +8,7 @@ import bpy
 
 from .. import jobs, native
 from ..compat import translate
-from ..io import cache, fit_results, fit_rows, job_document, takes, words
+from ..io import cache, fit_outlines, fit_results, fit_rows, job_document, takes, words
 from ..jobs import JobError, State
 from .base import NoJobRunning, PlainOperator, greyed, report_left, session
 from .job_operator import JobOperator
@@ -111,17 +111,23 @@ class FitJob(JobOperator):
 def summary(result, job):
     """What a finished fit says in one line: the held-out error where there is one; of images alone how their
     outlines agree."""
-    if not result.fitted.after and result.outlines:
-        held_out = "held_out" in result.outlines
-        before, after = result.outlines["held_out" if held_out else "fitted"]
-        words = (translate("Held-out outlines overlap by {before} → {after} %, in {time}") if held_out else
-                 translate("Fitted outlines overlap by {before} → {after} %, in {time}"))
-        return words.format(before=f"{100.0 * before:.1f}", after=f"{100.0 * after:.1f}",
-                            time=jobs.duration_text(job.elapsed))
+    if not result.fitted.after and result.outlines is not None:
+        return _outlines_summary(result.outlines, job)
     words, measure = translate("Fitted error {before} → {after} mm, in {time}"), result.fitted
     if result.held_out.after:
         words, measure = translate("Held-out error {before} → {after} mm, in {time}"), result.held_out
     return words.format(before=error_text(measure.before), after=error_text(measure.after),
+                        time=jobs.duration_text(job.elapsed))
+
+
+def _outlines_summary(outlines, job):
+    words = translate("Fitted outlines overlap by {before} → {after} %, in {time}")
+    if outlines.held_out:
+        words = translate("Fitted outlines overlap by {before} → {after} %, held-out ones by {held_before} → "
+                          "{held_after} %, in {time}")
+    before, after = map(fit_outlines.percent, outlines.fitted or (None, None))
+    held_before, held_after = map(fit_outlines.percent, outlines.held_out or (None, None))
+    return words.format(before=before, after=after, held_before=held_before, held_after=held_after,
                         time=jobs.duration_text(job.elapsed))
 
 

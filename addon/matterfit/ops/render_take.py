@@ -34,6 +34,9 @@ class MATTERFIT_OT_render_take(JobOperator, bpy.types.Operator):
         restart = GO_ON if take.frames_done else AFRESH_WHERE_CHANGED
         return start_job(context, translate("Render {name}").format(name=take.name), prepared, folder, restart)
 
+    def stopped(self, context, job):
+        job_render.hide_removed(job.folder)
+
     def ended(self, context, job):
         for note in job.result["render"]["notes"]:
             self.report({"WARNING"}, note)

@@ -8,7 +8,19 @@ from bpy.props import EnumProperty
 
 from .. import jobs, native
 from ..compat import translate
-from ..io import attach, attached, cache, plain, resolution, shapes, takes, transforms, visibility, words
+from ..io import (
+    attach,
+    attached,
+    cache,
+    job_render,
+    plain,
+    resolution,
+    shapes,
+    takes,
+    transforms,
+    visibility,
+    words,
+)
 from ..jobs import EXIT_INPUT, JobError
 from ..props import scene as scene_props
 from .base import session
@@ -47,6 +59,7 @@ class BakeJob(JobOperator):
     _followed = None  # the frame that the playhead was put to last
     _stood = 0  # and where it was before
     _notes = ()  # what is to be said of what is shown
+    _pictures_gone = False  # those of Render Take, from behind a camera's view
 
     def progressed(self, context, job):
         # Until its first frame is done the job may be refused, and what is shown stays.
@@ -76,6 +89,9 @@ class BakeJob(JobOperator):
         settings = context.scene.matterfit
         said = [words.in_panel(report_text(job), settings), resolution.advice(context.scene),
                 *lost_hair(settings), *self._notes]
+        if self._pictures_gone:
+            said.append(translate("Render Take's pictures of what the take held before are gone, from behind the "
+                                  "camera's view too. Render Take draws new ones."))
         session(context).last_report = "\n".join(filter(None, said))
 
     def take_back(self, settings, take):
@@ -95,6 +111,7 @@ class BakeJob(JobOperator):
         scene.frame_set(self._followed)
 
     def show(self, context, job, final=False, live=False):
+        self._pictures_gone = job_render.hide_removed(job.folder) or self._pictures_gone
         scene, take = takes.find(job.folder)
         if take is None:
             return None

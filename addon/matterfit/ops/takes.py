@@ -4,7 +4,7 @@
 import bpy
 
 from ..compat import translate
-from ..io import attached, cache, takes
+from ..io import attached, cache, job_render, takes
 from ..jobs import JobError
 from ..props import scene as scene_props
 from .base import NoJobRunning, PlainOperator, greyed, remove_active, session
@@ -50,6 +50,7 @@ class MATTERFIT_OT_remove_take(NoJobRunning, PlainOperator, bpy.types.Operator):
         attached.detach(scene, take)
         if location.exists and not location.linked:
             cache.free(location.folder)
+            job_render.hide_removed(location.folder)
         remove_active(settings, "takes", "take_index")
         session(context).last_report = ""  # of its bake
 

@@ -39,6 +39,20 @@ def _moved(self, context):
     reactions.capture_moved(self)
 
 
+# How images are held out, with the numbers that `holdout` has for it.
+_HELD_OUT_IMAGES = (("NONE", "Nothing", "Everything is used", 0),
+                    ("FRAMES", "Last Frames", "The frames at the end are kept for testing", 1),
+                    ("TRACKS", "Cameras", "The cameras below are kept for testing", 3))
+
+
+def _held_out_number(self):
+    return self.bl_rna.properties["holdout"].enum_items[self.holdout].value
+
+
+def _hold_out_by_number(self, number):
+    self.holdout = next(item[0] for item in _HELD_OUT_IMAGES if item[3] == number)
+
+
 def _list_outdated(self, _context):
     reactions.fit_list_outdated(self.id_data.matterfit)
 
@@ -186,8 +200,11 @@ class MatterfitCapture(bpy.types.PropertyGroup):
         items=(("NONE", "Nothing", "Everything is used"),
                ("FRAMES", "Last Frames", "The frames at the end are kept for testing"),
                ("CAPTURE", "Whole Capture", "This capture is only used for testing"),
-               ("TRACKS", "Points", "The points, or cameras, below are kept for testing")),
+               ("TRACKS", "Points", "The points, or cameras of images, below are kept for testing")),
         description="What is kept back to test a fit with")
+    holdout_of_images: EnumProperty(
+        name="Hold-out", items=_HELD_OUT_IMAGES, get=_held_out_number, set=_hold_out_by_number,
+        description="What is kept back of the images to test a fit with")
     holdout_start: IntProperty(
         name="From", default=30, min=0, soft_min=0, max=1048574, soft_max=10000,
         description="First scene frame that is held out")

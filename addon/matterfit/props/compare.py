@@ -68,10 +68,14 @@ def _store_images(compare, images):
     if images is None:
         return
     compare.capture = images.name
-    compare.iou = -1.0 if images.iou is None else images.iou
-    compare.contour_px = -1.0 if images.contour is None else images.contour
-    compare.psnr_db, compare.ssim = images.colours or NONE
-    compare.held_out_psnr_db, compare.held_out_ssim = images.held_out_colours or NONE
+    compare.images_held_out = images.held_out is not None
+    for prefix, found in (("", images.seen), ("held_out_", images.held_out)):
+        if found is not None:
+            setattr(compare, prefix + "iou", -1.0 if found.iou is None else found.iou)
+            setattr(compare, prefix + "contour_px", -1.0 if found.contour is None else found.contour)
+            ratio, likeness = found.colours or NONE
+            setattr(compare, prefix + "psnr_db", ratio)
+            setattr(compare, prefix + "ssim", likeness)
     for image in images.worst():
         row = compare.worst_images.add()
         row.name = image["image"]
@@ -126,17 +130,26 @@ class MatterfitCompare(bpy.types.PropertyGroup):
                               description="A comparison with images is loaded")
     capture: StringProperty(name="Capture", description="Whose images were compared")
     iou: FloatProperty(name="Overlap", default=0.0, min=-1.0, max=1.0, precision=3,
-                       description="Mean of the area of both outlines over that of either; negative: no image "
-                                   "shows anything")
+                       description="Mean of the area of both outlines over that of either, images that are not "
+                                   "held out; negative: none shows anything")
     contour_px: FloatProperty(name="Outlines Off [px]", default=0.0, min=-1.0, max=1e6,
                               soft_max=100.0, precision=2,
-                              description="Mean distance between the outlines, in pixels; negative: "
-                                          "none was seen")
+                              description="Mean distance between the outlines, in pixels, the same images; "
+                                          "negative: none was seen")
     psnr_db: FloatProperty(name="PSNR [dB]", default=NONE[0], min=-1000.0, max=1000.0, precision=1,
                            description="Mean signal-to-noise ratio of the colours, images that are not held "
                                        "out, at the size that a fit sees; -1000: none were compared")
     ssim: FloatProperty(name="SSIM", default=NONE[1], min=-2.0, max=1.0, precision=3,
                         description="Mean structural similarity of the colours, the same images; -2: none")
+    images_held_out: BoolProperty(name="Held Out", default=False,
+                                  description="Some of the compared images are held out")
+    held_out_iou: FloatProperty(
+        name="Held-Out Overlap", default=0.0, min=-1.0, max=1.0, precision=3,
+        description="Mean of the area of both outlines over that of either, images that are held out; negative: "
+                    "none shows anything")
+    held_out_contour_px: FloatProperty(
+        name="Held-Out Outlines Off [px]", default=0.0, min=-1.0, max=1e6, soft_max=100.0, precision=2,
+        description="Mean distance between the outlines, in pixels, the same images; negative: none was seen")
     held_out_psnr_db: FloatProperty(
         name="Held-Out PSNR [dB]", default=NONE[0], min=-1000.0, max=1000.0, precision=1,
         description="Mean signal-to-noise ratio of the colours, images that are held out, at their full size; "

@@ -111,10 +111,16 @@ def active_body(settings):
     return active_item(settings.bodies, settings.body_index)
 
 
+def has_images(settings):
+    """Whether a recording that is used is by images: its fits take the body's own law, have phases of their own
+    in place of windows and resolutions, and no correction."""
+    return any(capture.enabled and capture.source == "IMAGES" for capture in settings.captures)
+
+
 def by_images_alone(settings):
-    """Whether all recordings that are used are images, whose fits have no loss to choose and no windows."""
-    used = [capture for capture in settings.captures if capture.enabled]
-    return bool(used) and all(capture.source == "IMAGES" for capture in used)
+    """Whether all recordings that are used are images, whose fits have no loss to choose either."""
+    return has_images(settings) and all(
+        capture.source == "IMAGES" for capture in settings.captures if capture.enabled)
 
 
 def active_capture(settings):

@@ -6,6 +6,7 @@ import re
 import bpy
 
 from .. import quantities
+from ..compat import translate
 from . import drawing
 
 DEFAULT_WIDTH = 220.0  # of the sidebar [pixels]
@@ -117,8 +118,12 @@ def contact(layout, item):
 
 def holdout(column, capture):
     """What of a capture is kept for testing."""
-    column.prop(capture, "holdout")
+    images = capture.source == "IMAGES"
+    # One of another source may be held out whole, which images are not.
+    column.prop(capture, "holdout_of_images" if images and capture.holdout != "CAPTURE" else "holdout")
     if capture.holdout == "FRAMES":
         column.prop(capture, "holdout_start")
     elif capture.holdout == "TRACKS":
-        column.prop(capture, "holdout_tracks", text="Cameras" if capture.source == "IMAGES" else "Points")
+        column.prop(capture, "holdout_tracks", text="Cameras" if images else "Points")
+    elif capture.holdout == "CAPTURE" and images:
+        lines(column, translate("Images are held out by frames or by cameras."), icon="ERROR")

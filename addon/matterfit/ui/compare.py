@@ -67,24 +67,13 @@ class MATTERFIT_PT_compare(MatterfitPanel, bpy.types.Panel):
         layout.template_list("MATTERFIT_UL_worst", "", compare, "worst", compare, "worst_index",
                              rows=4)
 
-
     def _images(self, layout, compare):
         """How outlines agree; where they do not."""
-        box = layout.box()
-        row = box.row()
-        row.label(text="Overlap")
-        row.label(text=f"{100.0 * compare.iou:.1f} %" if compare.iou >= 0.0 else "–", translate=False)
-        row = box.row()
-        row.label(text="Outlines Off")
-        row.label(text=f"{compare.contour_px:.2f} px" if compare.contour_px >= 0.0 else "–",
-                  translate=False)
-        for title, ratio, likeness in (("Colours", compare.psnr_db, compare.ssim),
-                                       ("Held-Out Colours", compare.held_out_psnr_db,
-                                        compare.held_out_ssim)):
-            if ratio > -1000.0:
-                row = box.row()
-                row.label(text=title)
-                row.label(text=f"{ratio:.1f} dB, {likeness:.3f}", translate=False)
+        if compare.images_held_out:
+            self._agreement(layout.box(), compare, "", "Not Held Out")
+            self._agreement(layout.box(), compare, "held_out_", "Held Out")
+        else:
+            self._agreement(layout.box(), compare, "")
         layout.operator("matterfit.show_overlays", icon="IMAGE_BACKGROUND")
         layout.label(text="Worst Images, Overlap [%]")
         row = layout.row()
@@ -96,6 +85,21 @@ class MATTERFIT_PT_compare(MatterfitPanel, bpy.types.Panel):
             image = compare.worst_images[compare.worst_image]
             lines(layout, translate("{image}: {outside} pixels outside, {missing} missing").format(
                 image=image.name, outside=image.outside, missing=image.missing))
+
+    def _agreement(self, box, compare, prefix, title=""):
+        """Of the images that are held out, or of the others."""
+        if title:
+            box.label(text=title)
+        iou, contour, ratio, likeness = (getattr(compare, prefix + name)
+                                         for name in ("iou", "contour_px", "psnr_db", "ssim"))
+        rows = [("Overlap", f"{100.0 * iou:.1f} %" if iou >= 0.0 else "–"),
+                ("Outlines Off", f"{contour:.2f} px" if contour >= 0.0 else "–")]
+        if ratio > -1000.0:
+            rows += [("Colours", f"{ratio:.1f} dB"), ("SSIM", f"{likeness:.3f}")]
+        for name, value in rows:
+            row = box.row()
+            row.label(text=name)
+            row.label(text=value, translate=False)
 
 
 def _digits(error):

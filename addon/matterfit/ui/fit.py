@@ -32,9 +32,13 @@ class MATTERFIT_PT_fit(MatterfitPanel, bpy.types.Panel):
         layout = self.layout
         settings = context.scene.matterfit
         fit = settings.fit
-        column = form(layout)
-        menu(column, fit, "law")
-        if fit.law == "FIND":
+        images = scene_props.has_images(settings)
+        if not images or fit.law != "BODY":
+            menu(form(layout), fit, "law")
+        if images and fit.law != "BODY":
+            lines(layout, translate("Laws are compared by points only: set Law to The Body's Law, or disable "
+                                    "captures by images."), icon="ERROR")
+        elif fit.law == "FIND":
             layout.column(align=True).prop(fit, "laws")
             lines(layout, translate("What distinguishes a law from the body's own is looked for as well."),
                   icon="INFO")
@@ -130,8 +134,9 @@ class MATTERFIT_PT_fit(MatterfitPanel, bpy.types.Panel):
             self._progress(layout, running)
         if jobs.registry.running is not None:
             layout.operator("matterfit.cancel", icon="CANCEL")
-        form(layout).prop(fit, "show_history")
         location = takes.locate(fit.run)
+        if not scene_props.has_images(context.scene.matterfit) or fit_overlay.has_curve(location.folder):
+            form(layout).prop(fit, "show_history")
         if location.shared:
             lines(layout, translate("Linked, read-only: the fit of the scene that was copied. Fit "
                                     "makes a cache of this scene's own."), icon="LINKED")
@@ -157,19 +162,20 @@ class MATTERFIT_PT_fit_advanced(MatterfitPanel, bpy.types.Panel):
     bl_order = 2
 
     def draw(self, context):
-        fit = context.scene.matterfit.fit
+        settings = context.scene.matterfit
+        fit, images, weights = settings.fit, scene_props.has_images(settings), job_fit.has_weights(settings)
         column = form(self.layout)
         switched(column, fit, "use_huber", "huber")
         column.prop(fit, "iterations")
-        if not scene_props.by_images_alone(context.scene.matterfit):  # whose fits have phases of their own
+        if not images:
             self.layout.prop(fit, "windows")
             column = form(self.layout)
             column.prop(fit, "levels")
-        if job_fit.has_weights(context.scene.matterfit):
+        if weights:
             column.prop(fit, "weight_steps")
-        if not (fit.weight_steps and job_fit.has_weights(context.scene.matterfit)):
+        if not images and not (fit.weight_steps and weights):
             column.prop(fit, "correction_steps")
-        column.prop(context.scene.matterfit.solver, "threads")
+        column.prop(settings.solver, "threads")
 
 
 def _row_text(settings, owner, quantity):

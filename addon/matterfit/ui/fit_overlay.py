@@ -44,6 +44,11 @@ def curve(folder):
                  lambda: fit_results.segments(fit_results.history(folder)))
 
 
+def has_curve(folder):
+    """Whether there is anything to draw: fits to images tell no error in mm."""
+    return bool(folder) and bool(curve(folder))
+
+
 def live_curve(folder):
     """The same of the fit that is running; nothing before it has done anything."""
     job = jobs.registry.running

@@ -3,12 +3,13 @@ import bpy
 
 from .. import laws
 from ..compat import translate, translate_label
-from ..io import fit_results, number_text, takes, words
+from ..io import fit_outlines, fit_results, number_text, takes, words
 from ..ops.fit import error_text
 from . import fit_overlay
 from .common import BOX, MatterfitPanel, form, lines
 
 _OTHERS = 2  # laws that are named after the nearest
+_CAMERAS = 8  # that are shown
 
 
 class MATTERFIT_PT_fit_result(MatterfitPanel, bpy.types.Panel):
@@ -52,7 +53,8 @@ class MATTERFIT_PT_fit_result(MatterfitPanel, bpy.types.Panel):
         if len(result.models) > 1:
             self._models(layout, settings, result)
         column = form(layout)
-        column.prop(settings.fit, "show_error")
+        if _has_tracks(result):
+            column.prop(settings.fit, "show_error")
         column.prop(settings.fit, "show_curves")
         row = layout.row(align=True)
         row.scale_y = 1.3
@@ -80,18 +82,45 @@ class MATTERFIT_PT_fit_result(MatterfitPanel, bpy.types.Panel):
     def _errors(self, layout, result):
         """Mean errors before and after, on what was fitted and what was held out; of images how much their
         outlines overlap."""
-        if result.fitted.after or not result.outlines:
+        if _has_tracks(result):
             self._table(layout, "mm", [("Fitted", map(error_text, (result.fitted.before, result.fitted.after))),
                                        ("Held Out", map(error_text, (result.held_out.before,
                                                                      result.held_out.after)))])
-        if result.outlines:
-            self._table(layout, "Overlap [%]", [
-                (title, (f"{100.0 * overlap:.1f}" for overlap in result.outlines[part]))
-                for part, title in (("fitted", "Fitted"), ("held_out", "Held Out")) if part in result.outlines])
+        if result.outlines is not None:
+            self._outlines(layout, result.outlines)
         if result.predicted is not None:
             text = translate("Predicted to ± {size} mm (95 %); {share} % of what was held out lie within")
             lines(layout, text.format(size=f"{result.predicted.half_width_mm:.2g}",
                                       share=f"{100.0 * result.predicted.coverage:.0f}"))
+
+    def _outlines(self, layout, outlines):
+        """Before and after, of what was fitted and what was held out; after, of each camera."""
+        layout.label(text="Overlap of Outlines [%]")
+        self._table(layout, "", [
+            (title, map(fit_outlines.percent, overlaps))
+            for title, overlaps in (("Fitted", outlines.fitted), ("Held Out", outlines.held_out)) if overlaps])
+        if len(outlines.cameras) < 2:
+            return
+        shown = outlines.worst(_CAMERAS)
+        layout.label(text="Overlap by Camera [%]" if len(shown) == len(outlines.cameras) else
+                     "Worst Cameras, Overlap [%]")
+        captures = dict.fromkeys(camera.capture for camera in shown)
+        for capture in captures:
+            column = layout.column()
+            if len(captures) > 1:
+                lines(column, capture)
+            self._cameras(column, [camera for camera in shown if camera.capture == capture],
+                          outlines.held_out is not None)
+
+    def _cameras(self, column, cameras, held_out):
+        row = column.row()
+        for title in ("Camera", "Fitted", *(("Held Out",) if held_out else ())):
+            row.label(text=title)
+        for camera in cameras:
+            row = column.row()
+            row.label(text=str(camera.number), translate=False)
+            for overlap in (camera.fitted, *((camera.held_out,) if held_out else ())):
+                row.label(text=fit_outlines.percent(overlap), translate=False)
 
     def _table(self, layout, unit, rows):
         column = layout.column()
@@ -163,6 +192,11 @@ class MATTERFIT_PT_fit_result(MatterfitPanel, bpy.types.Panel):
             row.label(text=_number(model.get("probability"), 2), translate=False)
             if model.get("left"):
                 lines(box, words.of_result(str(model.get("reason", "")), settings))
+
+
+def _has_tracks(result):
+    """Whether there are errors in mm: of images alone there are none."""
+    return bool(result.fitted.after) or result.outlines is None
 
 
 def _without_like(statement, likes):

@@ -1,0 +1,196 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Fits to images: what the panel offers and the document says of them, and what their results show."""
+
+import bpy
+import fake_fit
+from matterfit import native, ui
+from matterfit.io import fit_outlines
+from matterfit.jobs import JobError
+from matterfit.ui import capture as capture_panel
+from matterfit.ui import fit as fit_panel
+from matterfit.ui import fit_result
+from panel_recorder import faults_of_all, text_width
+from support import needs_library
+from test_correction import properties
+from test_fit import FakeFitCase
+from test_images import ImagesCase
+from test_latent import texts
+
+
+class ImageFitCase(FakeFitCase, ImagesCase):
+    """The cube of FitCase with a film of it beside its points."""
+
+    def setUp(self):
+        super().setUp()
+        self.film = self.settings.captures.add()
+        self.film.name, self.film.source, self.film.filepath = "film", "IMAGES", self.clip()
+
+    def use(self, points, film):
+        self.capture.enabled, self.film.enabled = points, film
+
+
+class OfferTest(ImageFitCase):
+    BY_POINTS = ("windows", "levels", "correction_steps")
+
+    def setUp(self):
+        super().setUp()
+        self.fit.loss, self.fit.levels, self.fit.correction_steps = "CHAMFER", 2, 8
+
+    def test_the_document_has_what_means_something(self):
+        always = {"parameters", "huber", "iterations"}
+        for points, film, more in ((True, False, {"loss", "windows", "levels", "correction"}),
+                                   (True, True, {"loss"}), (False, True, set())):
+            self.use(points, film)
+            self.assertEqual(set(self.written()), always | more)
+        self.fit.loss = "TRACKS"
+        self.assertNotIn("draws", self.written())
+        self.use(True, False)
+        self.assertIn("draws", self.written())
+
+    @needs_library
+    def test_the_library_reads_it(self):
+        for points in (True, False):
+            self.use(points, True)
+            document, folder = self.document("fit")
+            native.validate(document, folder)
+
+    def test_the_panel_offers_what_means_something(self):
+        for points, film in ((True, False), (True, True), (False, True)):
+            self.use(points, film)
+            offered = properties(fit_panel.MATTERFIT_PT_fit) + properties(fit_panel.MATTERFIT_PT_fit_advanced)
+            self.assertEqual("loss" in offered, points)
+            for name in (*self.BY_POINTS, "law", "show_history"):
+                self.assertEqual(name in offered, not film, (name, points, film))
+            for name in ("huber", "iterations", "threads"):
+                self.assertIn(name, offered)
+
+    def test_a_curve_that_is_drawn_can_be_hidden(self):
+        """That of a fit to points, before images were added."""
+        self.use(True, False)
+        self.fitted()
+        self.use(True, True)
+        self.assertIn("show_history", properties(fit_panel.MATTERFIT_PT_fit))
+
+    def test_another_law_is_refused(self):
+        """What was chosen for points can be set back."""
+        for law in ("FIND", "UNKNOWN"):
+            self.fit.law = law
+            for points in (True, False):
+                self.use(points, True)
+                with self.assertRaisesRegex(JobError, "'film' is by images. Set Law to"):
+                    self.written()
+                self.assertIn("law", properties(fit_panel.MATTERFIT_PT_fit))
+                self.assertIn("Laws are compared by points only", texts(fit_panel.MATTERFIT_PT_fit))
+                self.assertNotIn("laws", properties(fit_panel.MATTERFIT_PT_fit))
+            self.use(True, False)
+            self.assertIn("laws", self.written())
+            self.assertNotIn("compared by points only", texts(fit_panel.MATTERFIT_PT_fit))
+
+    def test_what_follows_points_is_refused(self):
+        self.fit.loss = "TRACKS"
+        for operator in (bpy.ops.matterfit.check_fit, bpy.ops.matterfit.diagnose):
+            self.fails(operator, ["follow the same points", "disable captures by images"])
+
+
+class HoldOutTest(ImageFitCase):
+    def shown(self, name):
+        return name in properties(capture_panel.MATTERFIT_PT_capture)
+
+    def test_cameras_by_their_name(self):
+        self.settings.capture_index = 1
+        film = self.film
+        for choice, value in (("TRACKS", 3), ("FRAMES", 1), ("NONE", 0)):
+            film.holdout_of_images = choice
+            self.assertEqual((film.holdout, film.holdout_of_images), (choice, choice))
+            film.holdout = "NONE"
+            film.holdout = choice
+            self.assertEqual(film.holdout_of_images, choice)
+            # Files hold the number.
+            self.assertEqual(film.bl_rna.properties["holdout"].enum_items[choice].value, value)
+            self.assertTrue(self.shown("holdout_of_images") and not self.shown("holdout"))
+        items = {item.identifier: item.name for item in film.bl_rna.properties["holdout_of_images"].enum_items}
+        self.assertEqual(items, {"NONE": "Nothing", "FRAMES": "Last Frames", "TRACKS": "Cameras"})
+        film.holdout, film.holdout_tracks = "TRACKS", "0"
+        self.assertEqual(self.document("fit")[0]["captures"][1]["holdout"], {"cameras": [0]})
+        self.settings.capture_index = 0
+        self.assertTrue(self.shown("holdout") and not self.shown("holdout_of_images"))
+
+    def test_held_out_whole(self):
+        """As it was chosen for another source: it is shown, and refused."""
+        self.settings.capture_index = 1
+        self.film.holdout = "CAPTURE"
+        self.assertTrue(self.shown("holdout"))
+        self.assertIn("Images are held out by frames or by cameras", texts(capture_panel.MATTERFIT_PT_capture))
+        with self.assertRaisesRegex(JobError, "Choose Last Frames, or Cameras and name them"):
+            self.written()
+
+
+class ResultTest(ImageFitCase):
+    CAMERAS = [("film", 0, 0.96, 0.81), ("film", 1, None, 0.87), ("film", 2, 0.98, None)]
+
+    def setUp(self):
+        super().setUp()
+        self.use(False, True)
+
+    def shown(self):
+        return texts(fit_result.MATTERFIT_PT_fit_result)
+
+    def check(self):
+        """Nothing is cut, where that can be measured."""
+        if bpy.app.version < (4, 0) and text_width("Young's") > 0.0:
+            self.assertEqual(faults_of_all(ui.CLASSES, bpy.context), [])
+
+    def test_of_what_was_fitted_and_what_was_held_out(self):
+        self.fitted(images=fake_fit.outlines((0.5, 0.4), (0.97, 0.84), self.CAMERAS))
+        self.assertIn("Fitted outlines overlap by 50.0 → 97.0 %, held-out ones by 40.0 → 84.0 %", self.report())
+        shown = self.shown()
+        self.assertIn("Overlap of Outlines [%]  Before After Fitted 50.0 97.0 Held Out 40.0 84.0", shown)
+        self.assertIn("Overlap by Camera [%] Camera Fitted Held Out 0 96.0 81.0 1 – 87.0 2 98.0 –", shown)
+        self.assertNotIn(" mm ", shown)
+        self.assertNotIn("show_error", properties(fit_result.MATTERFIT_PT_fit_result))
+        self.assertIn("show_curves", properties(fit_result.MATTERFIT_PT_fit_result))
+        self.check()
+
+    def test_nothing_held_out(self):
+        self.fitted(images=fake_fit.outlines(
+            (0.5, None), (0.97, None), [("film", 0, 0.96, None), ("film", 1, 0.98, None)]))
+        self.assertIn("Fitted outlines overlap by 50.0 → 97.0 %, in", self.report())
+        shown = self.shown()
+        self.assertNotIn("Held Out", shown)
+        self.assertIn("Camera Fitted 0 96.0 1 98.0", shown)
+        self.check()
+
+    def test_nothing_is_seen_at_the_start(self):
+        self.fitted(images=fake_fit.outlines((0.5, "empty"), (0.97, 0.84), self.CAMERAS[:1]))
+        self.assertIn("held-out ones by – → 84.0 %", self.report())
+        self.assertIn("Held Out – 84.0", self.shown())
+        self.assertNotIn("by Camera", self.shown())
+
+    def test_beside_points(self):
+        self.use(True, True)
+        images = fake_fit.outlines((0.5, 0.4), (0.97, 0.84), self.CAMERAS)
+        del images["before"], images["after"]
+        self.fitted(images=images)
+        self.assertIn("Held-out error 16 → 0.75 mm", self.report())
+        self.assertIn("mm Before After Fitted 8 0.5 Held Out 16 0.75", self.shown())
+        self.assertIn("Held Out 40.0 84.0", self.shown())
+        self.assertIn("show_error", properties(fit_result.MATTERFIT_PT_fit_result))
+        self.check()
+
+    def test_many_cameras(self):
+        """Those that agree least, of two recordings."""
+        cameras = [(name, number, 0.99 - 0.01 * number, None) for name in ("film", "other film")
+                   for number in range(9)]
+        cameras[2] = ("film", 2, 0.99, 0.5)
+        self.fitted(images=fake_fit.outlines((0.5, 0.4), (0.97, 0.84), cameras))
+        shown = self.shown()
+        self.assertIn("Worst Cameras, Overlap [%] film Camera Fitted Held Out 2 99.0 50.0 5 94.0 –", shown)
+        self.assertIn("other film Camera Fitted Held Out 6 93.0 – 7 92.0 – 8 91.0 –", shown)
+        self.assertEqual(shown.count(" –"), 7)
+        self.check()
+
+    def test_points_alone(self):
+        self.use(True, False)
+        self.fitted()
+        self.assertNotIn("Overlap", self.shown())
+        self.assertIsNone(fit_outlines.read({}))

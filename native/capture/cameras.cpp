@@ -176,9 +176,15 @@ Json parsed(std::string_view text, const std::string& name) {
     return Json::parse(text);
   } catch (const Json::parse_error& error) {
     const std::string_view before = text.substr(0, std::min(error.byte, text.size()));
-    throw_input(name + ": is no JSON text: it cannot be read on from line " +
-                std::to_string(1 + std::ranges::count(before, '\n')) +
-                " (JSON has no NaN and no infinity).");
+    const std::string place = "line " + std::to_string(1 + std::ranges::count(before, '\n')) +
+                              ", column " +
+                              std::to_string(before.size() - (before.rfind('\n') + 1));
+    if (error.byte > text.size()) {
+      throw_input(name + ": is no JSON text: it ends at " + place +
+                  " in the middle. Is it cut off? Export it again.");
+    }
+    throw_input(name + ": is no JSON text: it cannot be read on from " + place +
+                " (JSON has no NaN, no infinity, and no comma before a closing bracket).");
   } catch (const Json::exception&) {
     throw_input(name + ": is no JSON text: a number in it is beyond what a double holds.");
   }

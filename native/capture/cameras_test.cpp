@@ -140,9 +140,12 @@ TEST(Cameras, AMovedCameraSeesTheMovedWorldAlike) {
 }
 
 TEST(Cameras, WhatIsBrokenIsNamed) {
-  EXPECT_THAT(refusal_of_cameras("{"), HasSubstr("cams.json: is no JSON text"));
+  EXPECT_THAT(refusal_of_cameras("{\n \"frames\": ["),
+              HasSubstr("cams.json: is no JSON text: it ends at line 2, column 12"));
+  EXPECT_THAT(refusal_of_cameras("{\n \"w\": 3,}"),
+              HasSubstr("cams.json: is no JSON text: it cannot be read on from line 2, column 9"));
   EXPECT_THAT(refusal_of_cameras("{\n \"fl_x\": NaN}"),
-              HasSubstr("read on from line 2 (JSON has no NaN"));
+              HasSubstr("read on from line 2, column 10 (JSON has no NaN"));
   EXPECT_THAT(refusal_of_cameras("[1e999]"), HasSubstr("beyond what a double holds"));
   EXPECT_THAT(refusal_of_cameras("{\"frames\": 3}"), HasSubstr("neither a transforms.json"));
   EXPECT_THAT(refusal_of_cameras("[]"), HasSubstr("its cameras have no images"));

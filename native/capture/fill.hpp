@@ -39,10 +39,12 @@ struct FilledBody {
 };
 
 /// All fills of shapes: a particle sits in the centre of each lattice cell (or, jittered, at a
-/// place in it that depends on seed and cell only) of which at least half is inside, with the
-/// volume that is inside. A cell with less gives its volume to its kept neighbours over faces (else
-/// edges, else corners); one that has no such neighbour (parts thinner than the lattice) is kept
-/// itself from 5 % up. Cells within 1e-4 of empty or full count as such. The volumes of cut cells
+/// place in it that depends on seed and cell only) of which at least three tenths are inside, or
+/// one twentieth where no neighbour has a particle. The volume inside a cut cell is shared among
+/// the particles of the eight cells about its centroid by their distances, so that the body's
+/// centre and its moments of inertia and of bending are the shape's; a share without a particle
+/// goes to the cell's own, or else to neighbours over faces (else edges, else corners). Cells
+/// within 1e-4 of empty or full count as such. Volumes of cut cells and of those that took shares
 /// are scaled to the shape's exact volume where that is known. Same result for any number of
 /// threads. Throws Error(kInput) if nothing is inside, where more than half of the volume is in
 /// parts too thin for any particle, or for more than `limit` particles.

@@ -10,6 +10,7 @@
 #include <cmath>
 
 #include "base/error.hpp"
+#include "capture/particle_volumes.hpp"
 
 namespace matterfit::capture {
 namespace {
@@ -20,8 +21,6 @@ using Leaf = DistanceTree::LeafNodeType;
 
 constexpr int kBlock = 8;          // cells along a side of an OpenVDB leaf
 constexpr double kFlat = 0.9986;   // cosine of 3°
-constexpr float kKeep = 0.5F;      // part inside from which a cell gets a particle
-constexpr float kCrumb = 0.05F;    // … if none of its neighbours has one
 constexpr double kMostLost = 0.5;  // of the volume, in cells that no particle has
 constexpr double kSnap = 1e-4;
 constexpr double kSamePlane = 0.95;  // cosine: another tangent plane than those seen
@@ -170,10 +169,12 @@ class LatticeFill {
     return cube_fraction(surface.distance / (side * h_), axes_.conjugate() * surface.normal);
   }
 
-  /// Part of a cell that is inside: by the tangent planes seen from its 2³ parts where those agree,
-  /// else (edges, corners, strong curvature) from its 4³ parts. Where the distance's sign and the
-  /// shape's last word differ, `tangled` is set and 4³ points decide.
-  [[nodiscard]] double cut_cell(const Vec3d& low, bool& tangled) const {
+  /// The part of a cell that is inside: by the tangent planes seen from its 2³ parts where those
+  /// agree, else (edges, corners, strong curvature) from its 4³ parts. Where the distance's sign
+  /// and the shape's last word differ, `tangled` is set and 4³ points decide.
+  [[nodiscard]] CutCell cut_cell(const Coord& cell, bool& tangled) const {
+    const Vec3d low = vec(cell);
+    const Vec3d middle = low + Vec3d::Constant(0.5);
     FillShape::Surface parts[8];
     bool flat = true;
     tangled = false;
@@ -185,40 +186,50 @@ class LatticeFill {
                             shape_.inside(x, parts[n]) != (parts[n].distance < 0));
     }
     double sum = 0;
+    Vec3d moment = Vec3d::Zero();
+    const auto add = [&](double part, const Vec3d& at) {
+      sum += part;
+      moment += part * (at - middle);
+    };
     for (int n = 0; n < 8; ++n) {
       const Vec3d corner = low + 0.5 * Vec3d(n & 1, n >> 1 & 1, n >> 2 & 1);
       if (!tangled && (flat || std::abs(parts[n].distance) > kHalfDiagonal * 0.5 * h_)) {
-        sum += plane_cut(parts[n], 0.5);
+        add(plane_cut(parts[n], 0.5), octant(low, 1.0, n));
         continue;
       }
       for (int m = 0; m < 8; ++m) {
-        const Vec3d x = world(octant(corner, 0.5, m));
-        const FillShape::Surface surface = shape_.at(x);
+        const Vec3d at = octant(corner, 0.5, m);
+        const FillShape::Surface surface = shape_.at(world(at));
         if (tangled) {
-          sum += shape_.inside(x, surface) ? 0.125 : 0.0;
+          add(shape_.inside(world(at), surface) ? 0.125 : 0.0, at);
         } else {
-          sum += 0.125 * plane_cut(surface, 0.25);
+          add(0.125 * plane_cut(surface, 0.25), at);
         }
       }
     }
     const double fraction = sum / 8.0;
-    return fraction < kSnap ? 0.0 : fraction > 1 - kSnap ? 1.0 : fraction;
+    if (fraction < kSnap) return {cell, 0.0, Vec3d::Zero()};
+    if (fraction > 1 - kSnap) return {cell, 1.0, Vec3d::Zero()};
+    return {cell, fraction, moment / sum};
   }
 
   void cut_blocks() {
     std::vector<Leaf*> leaves;
     for (const Coord& block : blocks_) leaves.push_back(tree_.touchLeaf(block));
     std::atomic<std::size_t> tangled_cells{0};
+    std::vector<std::vector<CutCell>> cuts(leaves.size());
     tbb::parallel_for(std::size_t{0}, leaves.size(), [&](std::size_t b) {
       for (openvdb::Index offset = 0; offset < Leaf::SIZE && !cancelled(); ++offset) {
-        const Vec3d low = vec(leaves[b]->offsetToGlobalCoord(offset));
-        const Vec3d centre = world(low + Vec3d::Constant(0.5));
+        const Coord cell = leaves[b]->offsetToGlobalCoord(offset);
+        const Vec3d centre = world(vec(cell) + Vec3d::Constant(0.5));
         const FillShape::Surface surface = shape_.at(centre);
         const bool inside = shape_.inside(centre, surface);
         double fraction = inside ? 1.0 : 0.0;
         if (std::abs(surface.distance) < kHalfDiagonal * h_) {
           bool tangled = false;
-          fraction = cut_cell(low, tangled);
+          const CutCell cut = cut_cell(cell, tangled);
+          fraction = cut.fraction;
+          if (fraction > 0.0 && fraction < 1.0) cuts[b].push_back(cut);
           tangled_cells += tangled;
         }
         if (fraction > 0) leaves[b]->setValueOn(offset, static_cast<float>(fraction));
@@ -226,52 +237,17 @@ class LatticeFill {
     });
     tangled_cells_ = tangled_cells;
     look_at_cancel(options_);
+    for (const std::vector<CutCell>& of : cuts) cuts_.insert(cuts_.end(), of.begin(), of.end());
   }
 
-  /// Which cells get a particle, and where the volume of the others goes.
   void choose() {
-    volumes_ = std::make_unique<DistanceTree>(tree_);
-    openvdb::tree::ValueAccessor<const DistanceTree> part(tree_);
-    openvdb::tree::ValueAccessor<DistanceTree> volume(*volumes_);
-    openvdb::BoolTree alone(false);  // kept though less than half is inside
-    openvdb::tree::ValueAccessor<openvdb::BoolTree> kept_alone(alone);
-    const auto for_each_small = [&](const auto& visit) {
-      for (auto leaf = tree_.cbeginLeaf(); leaf; ++leaf) {
-        look_at_cancel(options_);
-        for (auto value = leaf->cbeginValueOn(); value; ++value) {
-          inside_ += static_cast<double>(*value);
-          if (*value < kKeep) visit(value.getCoord(), *value);
-        }
-      }
-    };
     inside_ = full_cells_;
-    for_each_small([&](const Coord& cell, float fraction) {
-      if (fraction < kCrumb) return;
-      for (int n = 0; n < 27; ++n) {
-        if (part.getValue(cell.offsetBy(n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1)) >= kKeep) return;
+    for (auto leaf = tree_.cbeginLeaf(); leaf; ++leaf) {
+      for (auto value = leaf->cbeginValueOn(); value; ++value) {
+        inside_ += static_cast<double>(*value);
       }
-      kept_alone.setValue(cell, true);
-    });
-    inside_ = full_cells_;
-    for_each_small([&](const Coord& cell, float fraction) {
-      if (kept_alone.getValue(cell)) return;
-      volume.setValueOff(cell, 0.0F);
-      ++dropped_;
-      // Neighbours over a face, else an edge, else a corner.
-      for (int distance = 1; distance <= 3; ++distance) {
-        std::vector<Coord> heirs;
-        for (int n = 0; n < 27; ++n) {
-          const Coord step(n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1);
-          if (std::abs(step.x()) + std::abs(step.y()) + std::abs(step.z()) != distance) continue;
-          const Coord other = cell + step;
-          if (part.getValue(other) >= kKeep || kept_alone.getValue(other)) heirs.push_back(other);
-        }
-        for (const Coord& heir : heirs) {
-          volume.setValueOn(heir, volume.getValue(heir) + fraction / float(heirs.size()));
-        }
-        if (!heirs.empty()) break;
-      }
-    });
+    }
+    volumes_ = particle_volumes(tree_, cuts_, options_);
   }
 
   FilledBody emit(const std::string& notes) {
@@ -331,7 +307,7 @@ class LatticeFill {
     body.report = fmt::format(
         "{} particles {:.4g} m apart ({} × {} × {} cells); the surface cuts {} cells; volume "
         "{:.6g} m³, particles hold {:.2f} % of it.",
-        count, h_, across.x(), across.y(), across.z(), dropped_ + cut_count(), body.volume,
+        count, h_, across.x(), across.y(), across.z(), cuts_.size(), body.volume,
         100.0 * sum / body.volume);
     if (tangled_cells_ > 0) {
       body.report += fmt::format(
@@ -359,7 +335,8 @@ class LatticeFill {
     tbb::parallel_for(std::size_t{0}, cells.size(), [&](std::size_t p) {
       if (cancelled()) return;
       openvdb::tree::ValueAccessor<const DistanceTree> kept(*volumes_);
-      bool surface = kept.getValue(cells[p]) != 1.0F;
+      openvdb::tree::ValueAccessor<const DistanceTree> part(tree_);
+      bool surface = part.getValue(cells[p]) != 1.0F;
       for (int n = 0; n < 6 && !surface; ++n) {
         Coord next = cells[p];
         next[n / 2] += n % 2 == 0 ? -1 : 1;
@@ -384,12 +361,6 @@ class LatticeFill {
       body.skin.insert(body.skin.end(), planes.begin(), planes.end());
   }
 
-  [[nodiscard]] std::size_t cut_count() const {
-    std::size_t count = 0;
-    for (auto value = volumes_->cbeginValueOn(); value; ++value) count += *value != 1.0F;
-    return count;
-  }
-
   [[nodiscard]] Vec3d position(const Coord& cell, bool whole) const {
     Vec3d centre = world(vec(cell) + Vec3d::Constant(0.5));
     if (!options_.jitter) return centre;
@@ -412,9 +383,9 @@ class LatticeFill {
   DistanceTree tree_{0.0F};                ///< part of each cell that is inside
   std::unique_ptr<DistanceTree> volumes_;  ///< of each particle, in cells
   std::vector<Coord> blocks_;              ///< low corners of blocks the surface may cut
+  std::vector<CutCell> cuts_;              ///< cells that the surface cuts
   double full_cells_ = 0;                  ///< in blocks that are wholly inside
   double inside_ = 0;                      ///< volume inside, in cells
-  std::size_t dropped_ = 0;
   std::size_t tangled_cells_ = 0;
 };
 

@@ -162,11 +162,16 @@ std::array<std::vector<std::uint8_t>, 3> planes(const Bitmap& bitmap) {
   return colours;
 }
 
+/// Whether a file of its own is an image's matte.
+bool has_own_matte(const Shot& shot, const ImageClipOptions& options) {
+  return !options.key && !options.plates && !shot.mask.empty();
+}
+
 /// `colours`: where they go; null: they are not asked for.
 KeyedMatte read_matte(const CameraSet& set, const Shot& shot, const std::vector<CleanPlate>& plates,
                       const ImageClipOptions& options,
                       std::array<std::vector<std::uint8_t>, 3>* colours) {
-  const bool own = !options.key && plates.empty() && !shot.mask.empty();
+  const bool own = has_own_matte(shot, options);
   const fs::path file = set.folder / (own ? shot.mask : shot.image);
   const splat::Camera& camera = set.cameras[shot.camera];
   const Bitmap bitmap = read_sized(file, camera);
@@ -291,6 +296,30 @@ std::vector<fs::path> image_clip_files(const fs::path& cameras, const ImageClipO
   return once;
 }
 
+/// Throws Error(kInput) naming the camera whose images are missing, before any is read.
+void check_images_are_there(const CameraSet& set, const ImageClipOptions& options) {
+  std::vector<std::size_t> missing(set.cameras.size(), 0);
+  std::vector<std::size_t> all(set.cameras.size(), 0);
+  const Shot* first = nullptr;
+  const auto file_of = [&](const Shot& shot) {
+    return set.folder / (has_own_matte(shot, options) ? shot.mask : shot.image);
+  };
+  for (const Shot& shot : set.shots) {
+    ++all[shot.camera];
+    std::error_code code;
+    if (fs::exists(file_of(shot), code)) continue;
+    ++missing[shot.camera];
+    if (first == nullptr) first = &shot;
+  }
+  if (first == nullptr) return;
+  const std::size_t camera = first->camera;
+  throw_input(set.source + ": " + std::to_string(missing[camera]) + " of the " +
+              std::to_string(all[camera]) + " images of camera " + std::to_string(camera) +
+              " are not there, the first of them '" + file_of(*first).string() +
+              "'. Name the folder that holds the images as the capture's 'images' (Image Folder), "
+              "or take the missing ones out of the file.");
+}
+
 ImageClip read_image_clip(const fs::path& cameras, const ImageClipOptions& options,
                           std::vector<std::string>& statements, const SightTaker& take,
                           const Interrupter* interrupter) {
@@ -325,6 +354,7 @@ ImageClip read_image_clip(const fs::path& cameras, const ImageClipOptions& optio
                   set.shots[i].image + "' are of one camera and one time.");
     }
   }
+  check_images_are_there(set, options);
   std::size_t empty = 0;
   std::vector<std::size_t> count(clip.cameras.size(), 0);
   std::vector<OddMattes> odd(clip.cameras.size());

@@ -98,6 +98,15 @@ class ImageClipTest : public ::testing::Test {
   std::vector<std::string> statements_;
 };
 
+TEST_F(ImageClipTest, ACameraWithoutImagesIsNamed) {
+  const std::string message = message_of(two_cameras(3), [&] {
+    for (const char* image : {"c1_1.png", "c1_2.png"}) fs::remove(folder_ / image);
+  });
+  EXPECT_THAT(message, HasSubstr("2 of the 3 images of camera 1 are not there"));
+  EXPECT_THAT(message, HasSubstr("c1_1.png"));
+  EXPECT_THAT(message, HasSubstr("'images'"));
+}
+
 TEST_F(ImageClipTest, MattesStandByTimeAndCamera) {
   options_.fps = 10.0;
   options_.unit = 0.01;

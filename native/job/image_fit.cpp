@@ -23,8 +23,8 @@
 #include "job/fit_values.hpp"
 #include "job/fit_weights.hpp"
 #include "job/image_experiment.hpp"
+#include "job/image_fit_report.hpp"
 #include "job/image_fit_state.hpp"
-#include "job/image_fit_words.hpp"
 #include "job/image_weights.hpp"
 #include "job/run/folder_lock.hpp"
 #include "job/run/run_scene.hpp"
@@ -41,6 +41,10 @@ constexpr double kWide = 4.0;
 /// another; at least so many times.
 constexpr double kBeginnings[] = {0.1, 0.2, 0.35};
 constexpr std::size_t kFewestTimes = 2;
+/// A longer beginning whose misfit is this many times that of the one before, which counts as
+/// kAgrees at least, is none of a throw alone.
+constexpr double kDisagrees = 4.0;
+constexpr double kAgrees = 0.1;
 /// Factors at which a stiffness is tried that nothing is known of.
 constexpr double kScan[] = {1.0 / 64, 1.0 / 16, 0.25, 4.0, 16.0, 64.0};
 
@@ -95,7 +99,7 @@ class ImageFit {
     add_lists(scene_->parameters(), document);
     write_values(scene_->parameters(), state_.values, scene_->loaded().sources, job_, document);
     if (more && more->taken) write_image_weights(*more, job_, document);
-    Json fit = fit_json(known, after);
+    Json fit = image_fit_json({job_, doc_, *scene_, state_, misfit_, known, after}, statements_);
     if (more) fit["weights"] = more->report;
     write_fitted(job_.output.folder, {state_.input_hash, state_.inputs, document, fit});
     // Only now: until then the search would go on from it.
@@ -238,13 +242,32 @@ class ImageFit {
         ++state_.beginnings;
         continue;
       }
-      search(watched(scene_->beginning(state_.values, kWide, times[count - 1])), "throw",
+      const std::vector<double> before = state_.values;
+      const double agreed = state_.beginnings > 0
+                                ? misfit_of_beginning(times[count_of(state_.beginnings - 1) - 1])
+                                : std::numeric_limits<double>::infinity();
+      const double until = times[count - 1];
+      search(watched(scene_->beginning(state_.values, kWide, until)), "throw",
              scene_->motion_from(state_.values));
+      const double misfit = misfit_of_beginning(until);
+      if (misfit > kDisagrees * std::max(agreed, kAgrees)) {
+        // What came in between, a contact, says more of the material, which is held here.
+        state_.values = before;
+        state_.beginnings = static_cast<int>(std::size(kBeginnings)) - 1;
+      }
       ++state_.beginnings;
       state_.search.reset();
       state_.refinements.clear();
       save();
     }
+  }
+
+  /// Misfit of the images up to a time, at the present values.
+  [[nodiscard]] double misfit_of_beginning(double until) {
+    fit::ImageProblem at = scene_->beginning(state_.values, kWide, until);
+    const auto residual = at.evaluate({natural(state_.values)}).front();
+    ++state_.evaluations;
+    return residual ? at.misfit(*residual).images : std::numeric_limits<double>::infinity();
   }
 
   /// Starts of stiffness that nothing is known of: the best of some factors off the scene's.
@@ -394,55 +417,6 @@ class ImageFit {
     // Without Huber's bound, which is one of residuals that are not counted yet.
     return fit::uncertainty(search_->parameters(), at.as_counted(*state_.search),
                             at.effective(state_.search->residual), 0.0, at.blocks());
-  }
-
-  [[nodiscard]] Json fit_json(const std::optional<fit::Uncertainty>& known,
-                              const ImageStanding& after) {
-    std::vector<std::string> statements = statements_;
-    statements.push_back(outlines_text(state_.before.at("silhouettes"), after.silhouettes));
-    state_apart(after.cameras, statements);
-    const std::string weights = scene_->has_tracks() ? weights_text(misfit_) : "";
-    if (!weights.empty()) statements.push_back(weights);
-    if (known) {
-      for (const fit::Estimate& estimate : known->estimates) {
-        if (!estimate.statement.empty()) statements.push_back(estimate.statement);
-      }
-      statements.insert(statements.end(), known->statements.begin(), known->statements.end());
-    }
-    const BodyDoc& body = job_.scene.bodies.front();
-    const auto scale = [](double square) {
-      return std::isfinite(square) ? Json(std::sqrt(square)) : Json();
-    };
-    Json json = {
-        {"law", material::traits(body.material.law).name},
-        {"converged", !state_.search || state_.search->converged},
-        {"reason", state_.search ? state_.search->reason : "Weights alone were moved."},
-        {"loss", std::string("silhouette") +
-                     (scene_->has_tracks() ? " and " + std::string(loss_name(doc_.loss)) : "")},
-        {"iterations", state_.iterations},
-        {"evaluations", state_.evaluations},
-        {"seconds", state_.seconds},
-        {"parameters", parameters_json(scene_->parameters().parameters(), state_.values, known)},
-        {"correlation", known ? correlation_json(*known) : Json()},
-        {"noise_scale", known ? Json(known->noise_scale) : Json()},
-        {"noise_scales",
-         {{"images", scale(misfit_.images)},
-          {"colours", scale(misfit_.colours)},
-          {"tracks", scale(misfit_.tracks)}}},
-        {"statements", statements},
-        {"before", state_.before.at("tracks")},
-        {"after", after.tracks},
-        {"silhouettes",
-         {{"before", state_.before.at("silhouettes")}, {"after", after.silhouettes}}},
-        {"cameras", after.cameras},
-        {"history", state_.history}};
-    json["warning"] = fit_warning(json, false);
-    const std::string held_out = held_out_warning(after.tracks);
-    if (!held_out.empty()) {
-      const auto warning = json.at("warning").get<std::string>();
-      json["warning"] = warning.empty() ? held_out : warning + " " + held_out;
-    }
-    return json;
   }
 
   Json simulate(const Json& document, const Json& fit) {

@@ -1,0 +1,89 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "job/image_fit_report.hpp"
+
+#include <fmt/format.h>
+
+#include <cmath>
+
+#include "job/fit_report.hpp"
+#include "job/image_fit_words.hpp"
+#include "job/run/image_sightings.hpp"
+
+namespace matterfit::job {
+namespace {
+
+/// Outlines that overlap less, and are farther apart than the stated noise times this, are of a
+/// motion that is another than the recording's.
+constexpr double kPoorOverlap = 0.9;
+constexpr double kFarApart = 2.0;
+
+std::string overlap_warning(const Json& silhouettes, double noise_scale) {
+  const Json& fitted = silhouettes.at("fitted");
+  if (!fitted.is_object() || !fitted.at("iou").is_number() || !(noise_scale > kFarApart)) return "";
+  const double overlap = fitted.at("iou").get<double>();
+  if (overlap >= kPoorOverlap) return "";
+  return fmt::format(
+      "The outlines that were fitted overlap by {:.1f} % only and are {:.2g} times the stated "
+      "noise "
+      "apart: the search may have ended at a wrong throw or spin, whose errors do not say so. "
+      "Begin "
+      "from a velocity and a spin that are nearer, fit a spin that is known no more, or look at "
+      "the "
+      "overlays for what the scene lacks.",
+      100.0 * overlap, noise_scale);
+}
+
+void add_sentence(const std::string& more, Json& warning) {
+  if (more.empty()) return;
+  const auto before = warning.get<std::string>();
+  warning = before.empty() ? more : before + " " + more;
+}
+
+}  // namespace
+
+Json image_fit_json(const ImageFitEnd& end, std::vector<std::string> statements) {
+  const ImageFitState& state = end.state;
+  const ImageStanding& after = end.after;
+  statements.push_back(outlines_text(state.before.at("silhouettes"), after.silhouettes));
+  state_apart(after.cameras, statements);
+  const std::string weights = end.scene.has_tracks() ? weights_text(end.misfit) : "";
+  if (!weights.empty()) statements.push_back(weights);
+  if (end.known) {
+    for (const fit::Estimate& estimate : end.known->estimates) {
+      if (!estimate.statement.empty()) statements.push_back(estimate.statement);
+    }
+    statements.insert(statements.end(), end.known->statements.begin(), end.known->statements.end());
+  }
+  const BodyDoc& body = end.job.scene.bodies.front();
+  const auto scale = [](double square) {
+    return std::isfinite(square) ? Json(std::sqrt(square)) : Json();
+  };
+  Json json = {
+      {"law", material::traits(body.material.law).name},
+      {"converged", !state.search || state.search->converged},
+      {"reason", state.search ? state.search->reason : "Weights alone were moved."},
+      {"loss", std::string("silhouette") +
+                   (end.scene.has_tracks() ? " and " + std::string(loss_name(end.doc.loss)) : "")},
+      {"iterations", state.iterations},
+      {"evaluations", state.evaluations},
+      {"seconds", state.seconds},
+      {"parameters", parameters_json(end.scene.parameters().parameters(), state.values, end.known)},
+      {"correlation", end.known ? correlation_json(*end.known) : Json()},
+      {"noise_scale", end.known ? Json(end.known->noise_scale) : Json()},
+      {"noise_scales",
+       {{"images", scale(end.misfit.images)},
+        {"colours", scale(end.misfit.colours)},
+        {"tracks", scale(end.misfit.tracks)}}},
+      {"statements", statements},
+      {"before", state.before.at("tracks")},
+      {"after", after.tracks},
+      {"silhouettes", {{"before", state.before.at("silhouettes")}, {"after", after.silhouettes}}},
+      {"cameras", after.cameras},
+      {"history", state.history}};
+  json["warning"] = fit_warning(json, false);
+  add_sentence(overlap_warning(after.silhouettes, std::sqrt(end.misfit.images)), json["warning"]);
+  add_sentence(held_out_warning(after.tracks), json["warning"]);
+  return json;
+}
+
+}  // namespace matterfit::job

@@ -95,3 +95,74 @@ class CameraCaptureTest(ImagesCase):
         self.fails(bpy.ops.matterfit.capture_cameras, ["none of the images"])
         shown.image.source = "FILE"
         self.fails(bpy.ops.matterfit.capture_cameras, ["is no image sequence"])
+
+
+class DrawnTest(ImagesCase):
+    """A film of one's own take."""
+
+    def setUp(self):
+        super().setUp()
+        self.jelly()
+        self.scene.frame_start, self.scene.frame_end = 2, 5
+        self.cameras = []
+        for name, location, turn in (("Front", (0.0, -2.0, 0.5), 0.0), ("Side", (2.0, 0.0, 0.5), math.pi / 2)):
+            camera = self.camera(location=location, rotation=(math.pi / 2, 0.0, turn))
+            camera.name = name
+            bpy.context.view_layer.update()
+            self.cameras.append(camera)
+            self.assertEqual(bpy.ops.matterfit.render_take(), {"FINISHED"}, self.error())
+        select(self.settings.bodies[0].object)
+
+    def capture(self):
+        self.assertEqual(bpy.ops.matterfit.capture_cameras(name="film"), {"FINISHED"}, self.error())
+        return self.settings.captures[-1]
+
+    @needs_library
+    def test_pictures_of_a_take(self):
+        self.assertTrue(bpy.ops.matterfit.capture_cameras.poll())
+        capture = self.capture()
+        self.assertIn("2 cameras, 8 images of 4 times", capture.summary)
+        self.assertEqual(blender_cameras.of_capture(self.scene, "film"), dict(enumerate(self.cameras)))
+        self.assertEqual((capture.use_start_frame, capture.start_frame), (False, capture.start_frame))
+        # The take's own pictures may go: the recording is a copy of them.
+        self.assertEqual(bpy.ops.matterfit.free(), {"FINISHED"}, self.error())
+        self.assertEqual(bpy.ops.matterfit.check_capture(), {"FINISHED"}, self.error())
+        for camera in self.cameras:
+            photographs, drawn = blender_cameras.backgrounds(camera)
+            self.assertEqual((len(photographs), drawn), (1, []))
+            user, image = photographs[0].image_user, photographs[0].image
+            self.assertEqual((image.source, user.frame_start, user.frame_duration, user.frame_offset),
+                             ("SEQUENCE", 2, 4, 1))
+            self.assertTrue(os.path.isfile(bpy.path.abspath(image.filepath)))
+        # The next take is drawn as the recording's camera has it, and shown beside it.
+        self.settings.bodies[0].velocity = (0.0, 0.0, 1.0)
+        self.assertEqual(bpy.ops.matterfit.compare(), {"FINISHED"}, self.error())
+        self.assertEqual(bpy.ops.matterfit.render_take(), {"FINISHED"}, self.error())
+        photographs, drawn = blender_cameras.backgrounds(self.scene.camera)
+        self.assertEqual((len(photographs), len(drawn)), (1, 1))
+        self.assertIn("camera_1", drawn[0].image.filepath)
+
+    @needs_library
+    def test_photographs_win(self):
+        image = bpy.data.images.load(bpy.path.abspath(
+            self.cameras[0].data.background_images[0].image.filepath), check_existing=False)
+        image.source = "SEQUENCE"
+        shown = blender_cameras.set_background(self.cameras[0], image)
+        shown.image_user.frame_start, shown.image_user.frame_offset, shown.image_user.frame_duration = 2, 1, 3
+        select(self.cube())
+        self.assertIn("1 cameras, 3 images", self.capture().summary)
+        self.assertEqual(len(blender_cameras.backgrounds(self.cameras[0])[1]), 1)
+
+    @needs_library
+    def test_what_is_no_recording_is_refused(self):
+        self.cameras[0].location.x += 0.1
+        bpy.context.view_layer.update()
+        self.fails(bpy.ops.matterfit.capture_cameras, ["Camera 'Front' was moved", "Press Render Take again"])
+        self.cameras[0].location.x -= 0.1
+        bpy.context.view_layer.update()
+        bpy.ops.matterfit.add_take()
+        bpy.ops.matterfit.render_take()
+        self.fails(bpy.ops.matterfit.capture_cameras, ["Camera 'Side' shows pictures of another take"])
+        self.assertEqual([name for name in os.listdir(self.folder) if name.startswith("cameras_")], [])
+        select(self.cameras[1])
+        self.assertIn("1 cameras, 4 images", self.capture().summary)

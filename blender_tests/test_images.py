@@ -10,7 +10,7 @@ import struct
 import bpy
 import numpy
 from mathutils import Matrix, Vector
-from matterfit.io import blender_cameras, job_images
+from matterfit.io import blender_cameras, camera_frames, job_images
 from matterfit.jobs import JobError
 from support import SceneCase, needs_library
 
@@ -131,6 +131,60 @@ class ImportTest(ImagesCase):
                 self.assertTrue(shown.image.filepath.startswith("//"))
                 # Frame `frame_start` shows the file of number 0.
                 self.assertEqual(user.frame_offset, -1)
+
+    @needs_library
+    def test_photographs_of_another_aspect_than_the_scene(self):
+        """The side that tells the lens fills the frame's, whatever the scene renders."""
+        path = self.clip()
+        self.scene.render.resolution_x, self.scene.render.resolution_y = 1920, 1080
+        bpy.ops.matterfit.import_images(filepath=path)
+        camera = blender_cameras.of_capture(self.scene, "clip")[0]
+        shown = camera.data.background_images[0]
+        self.assertEqual(shown.frame_method, "CROP")  # it is higher than the frame
+        self.scene.render.resolution_x = 1080
+        camera_frames.fill_all()
+        self.assertEqual(shown.frame_method, "FIT")  # and wider
+        # The file is opened anew, and what was changed outside of the window is seen.
+        self.scene.render.resolution_x = 1920
+        bpy.ops.wm.save_mainfile()
+        self.reopen()
+        shown = blender_cameras.of_capture(self.scene, "clip")[0].data.background_images[0]
+        self.assertEqual(shown.frame_method, "CROP")
+        # A picture of the frame's own aspect stays as it is, and one of a camera that is nobody's.
+        self.scene.render.resolution_x, self.scene.render.resolution_y = WIDTH, HEIGHT
+        shown.frame_method = "STRETCH"
+        other = blender_cameras.set_background(self.camera(), shown.image)
+        self.scene.render.resolution_x, before = 2 * WIDTH, shown.frame_method
+        camera_frames.fill_all()
+        self.assertEqual((before, shown.frame_method, other.frame_method), ("STRETCH", "CROP", "STRETCH"))
+
+    @needs_library
+    def test_where_a_point_lies_in_such_a_photograph(self):
+        """Upright images and a principal point off the middle too: where the photograph has it, the view has."""
+        from bpy_extras.object_utils import world_to_camera_view
+        capture = self.settings.captures.add()
+        capture.name = "told"
+        for width, height in ((40, 30), (30, 40)):
+            matrix = [[1, 0, 0, 0.1], [0, 0, -1, -2.0], [0, 1, 0, 0.5], [0, 0, 0, 1]]
+            place = {"width": width, "height": height, "fx": 44.0, "fy": 44.0, "cx": 0.5 * width + 3.0,
+                     "cy": 0.5 * height - 2.0, "matrix": matrix}
+            item = blender_cameras.add_cameras(capture, [place])[0]
+            bpy.context.view_layer.update()
+            image = bpy.data.images.new("photograph", width, height)
+            shown = blender_cameras.set_background(item, image)
+            point = Vector((0.3, 0.0, 0.7))
+            u, v = place["cx"] + 44.0 * 0.2 / 2.0, place["cy"] - 44.0 * 0.2 / 2.0
+            for x, y in ((1920, 1080), (1080, 1920), (300, 320), (320, 300)):
+                self.scene.render.resolution_x, self.scene.render.resolution_y = x, y
+                camera_frames.told(capture, [place])
+                seen = world_to_camera_view(self.scene, item, point)
+                # As Blender draws it: about the middle of the frame, of these widths and heights of it.
+                aspect, frame = width / height, x / y
+                by_width = (aspect > frame) == (shown.frame_method == "FIT")
+                wide, high = (1.0, frame / aspect) if by_width else (aspect / frame, 1.0)
+                self.assertAlmostEqual(0.5 + (u / width - 0.5) * wide, seen.x, places=5)
+                self.assertAlmostEqual(0.5 - (v / height - 0.5) * high, seen.y, places=5)
+            bpy.data.objects.remove(item)
 
     @needs_library
     def test_photographs_of_cameras_side_by_side(self):

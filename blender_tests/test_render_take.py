@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Render Take: the simulation's pictures behind the camera's view."""
 
+import math
 import os
 
 import bpy
 import numpy
-from matterfit.io import blender_cameras, files, lost
-from support import needs_library, run_cli
+from matterfit.io import blender_cameras, files, lost, takes
+from support import needs_library, run_cli, tree
 from test_images import HEIGHT, WIDTH, ImagesCase
 
 
@@ -33,6 +34,116 @@ class RenderTakeTest(ImagesCase):
         bpy.ops.matterfit.bake(onto="REPLACE")
         self.assertEqual(bpy.ops.matterfit.render_take(), {"FINISHED"})
         self.assertEqual(len(blender_cameras.backgrounds(self.scene.camera)[1]), 1)
+
+    def second(self, name="Side", location=(2.0, 0.0, 0.5)):
+        """Another camera, which is the scene's now."""
+        camera = self.camera(location=location, rotation=(math.pi / 2, 0.0, math.pi / 2))
+        camera.name = name
+        bpy.context.view_layer.update()
+        return camera
+
+    def pictures(self, camera):
+        """(folder, contents) of what is drawn behind the view."""
+        found = blender_cameras.backgrounds(camera)[1]
+        self.assertEqual(len(found), 1, camera.name)
+        path = files.absolute(found[0].image.filepath)
+        return os.path.basename(os.path.dirname(path)), tree(os.path.dirname(path))
+
+    @needs_library
+    def test_two_cameras_of_one_take(self):
+        """Each has its own pictures, also where the take is simulated anew, and Free removes all."""
+        first = self.scene.camera
+        self.settings.bodies[0].object.scale = (1.0, 1.0, 2.0)
+        self.settings.bodies[0].object.rotation_euler = (0.0, 0.5, 0.0)
+        bpy.ops.matterfit.render_take()
+        before = self.pictures(first)
+        second = self.second()
+        self.assertEqual(bpy.ops.matterfit.render_take(), {"FINISHED"}, self.error())
+        self.assertEqual(self.pictures(first), before)
+        folder, seen = self.pictures(second)
+        self.assertEqual((before[0], folder), ("camera_0", "camera_1"))
+        self.assertNotEqual(seen, before[1])
+        # The first again: the numbers stay.
+        self.scene.camera = first
+        self.assertEqual(bpy.ops.matterfit.render_take(), {"FINISHED"}, self.error())
+        self.assertEqual((self.pictures(first), self.pictures(second)), (before, (folder, seen)))
+        # Another motion: what the second shows is of it too.
+        self.settings.bodies[0].velocity = (0.0, 0.0, 3.0)
+        bpy.ops.matterfit.bake(onto="REPLACE")
+        self.assertEqual(self.images(), [])
+        self.assertEqual(bpy.ops.matterfit.render_take(), {"FINISHED"}, self.error())
+        self.scene.camera = second
+        self.assertEqual(bpy.ops.matterfit.render_take(), {"FINISHED"}, self.error())
+        self.assertEqual([self.pictures(camera)[0] for camera in (first, second)], ["camera_0", "camera_1"])
+        self.assertNotEqual(self.pictures(second)[1], seen)
+        folder = takes.locate(self.settings.takes[0]).folder
+        self.assertEqual(bpy.ops.matterfit.free(), {"FINISHED"}, self.error())
+        self.assertEqual((self.images(), os.path.isdir(folder)), ([], False))
+
+    @needs_library
+    def test_a_take_simulated_anew_by_what_draws_it(self):
+        """Render Take through the second camera after a change draws the first's anew."""
+        first = self.scene.camera
+        bpy.ops.matterfit.render_take()
+        before = self.pictures(first)[1]
+        self.settings.bodies[0].velocity = (0.0, 0.0, 3.0)
+        second = self.second()
+        self.assertEqual(bpy.ops.matterfit.render_take(), {"FINISHED"}, self.error())
+        self.assertNotEqual(self.pictures(first)[1], before)
+        self.assertEqual(self.pictures(second)[0], "camera_1")
+
+    @needs_library
+    def test_a_copy_of_a_camera(self):
+        """It begins with the pictures of the first, at whose place it stands, or with its lens."""
+        first = self.scene.camera
+        bpy.ops.matterfit.render_take()
+        copy = first.copy()
+        copy.data = first.data.copy()
+        self.scene.collection.objects.link(copy)
+        self.scene.camera = copy
+        bpy.context.view_layer.update()
+        self.assertEqual(bpy.ops.matterfit.render_take(), {"FINISHED"}, self.error())
+        self.assertEqual(self.pictures(first), self.pictures(copy))
+        copy.location.z += 0.3
+        bpy.context.view_layer.update()
+        self.assertEqual(bpy.ops.matterfit.render_take(), {"FINISHED"}, self.error())
+        self.assertEqual([self.pictures(camera)[0] for camera in (first, copy)], ["camera_0", "camera_1"])
+        self.assertNotEqual(self.pictures(first)[1], self.pictures(copy)[1])
+
+    @needs_library
+    def test_a_camera_that_moves_by_now(self):
+        """Its pictures are not left to show another camera's."""
+        first = self.scene.camera
+        bpy.ops.matterfit.render_take()
+        first.keyframe_insert("location", frame=1)
+        first.location.x += 1.0
+        first.keyframe_insert("location", frame=4)
+        second = self.second()
+        self.assertEqual(bpy.ops.matterfit.render_take(), {"FINISHED"}, self.error())
+        self.assertEqual(blender_cameras.backgrounds(first)[1], [])
+        self.assertEqual(self.pictures(second)[0], "camera_0")
+
+    @needs_library
+    def test_what_is_refused_leaves_no_folder(self):
+        path = os.path.join(self.folder, "cut.ply")
+        with open(path, "wb") as file:
+            file.write(b"ply\nformat binary_little_endian 1.0\nelement vertex 9\n")
+        row = self.settings.bodies.add()
+        row.name, row.source, row.filepath = "Cut", "GAUSSIANS", path
+        self.settings.takes.add().name = "Take"
+        with self.assertRaises(RuntimeError):
+            bpy.ops.matterfit.render_take()
+        self.assertIn("cut.ply", self.error())
+        self.assertEqual(self.settings.takes[0].folder, "")
+        self.assertEqual([name for name in os.listdir(self.folder) if name.startswith("cache_")], [])
+        # What a take holds from before stays.
+        row.enabled = False
+        self.assertEqual(bpy.ops.matterfit.render_take(), {"FINISHED"}, self.error())
+        before = self.pictures(self.scene.camera)
+        row.enabled = True
+        with self.assertRaises(RuntimeError):
+            bpy.ops.matterfit.render_take()
+        self.assertEqual(self.pictures(self.scene.camera), before)
 
     def height(self, path):
         """Of what is seen, in rows from below."""
@@ -154,7 +265,7 @@ class RenderTakeTest(ImagesCase):
         bpy.ops.matterfit.import_images(filepath=self.clip())
         self.scene.camera = blender_cameras.of_capture(self.scene, "clip")[0]
         document, _folder = self.document(task="render")
-        self.assertEqual(document["render"], {"capture": "clip", "camera": 0})
+        self.assertEqual(document["render"], {"capture": "clip", "camera": [0]})
         self.settings.captures[0].enabled = False
         document, folder = self.document(task="render")
         self.assertIn("cameras", document["render"])

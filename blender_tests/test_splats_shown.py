@@ -10,6 +10,7 @@ import bpy
 import numpy
 from mathutils import Euler, Quaternion
 from matterfit.io import blender_cameras, splat_nodes, splat_preview
+from matterfit.props import reactions
 from support import needs_library
 from test_images import HEIGHT, WIDTH, ImagesCase, write_photo
 
@@ -76,6 +77,31 @@ class PreviewTest(SplatsCase):
         numpy.testing.assert_allclose(numpy.ptp(long, axis=0), (0.1, 0.1, 0.8), rtol=0.2)
         self.assertEqual((colours[:, 1] > 0.5).sum(), len(long), "one ball each")
         self.assertFalse((colours[:, 2] > 0.5).any(), "it has less than two per cent of opacity")
+
+    def test_up_as_the_format_says(self):
+        """y points up in .spz files, in others nobody knows; what was chosen stays."""
+        row = self.settings.bodies.add()
+        row.source = "GAUSSIANS"
+        row.filepath = "//a.SPZ"
+        self.assertEqual(row.file_up, "Y")
+        row.filepath = "//a.ply"
+        self.assertEqual(row.file_up, "Z")
+        row.filepath = "//a.spz"
+        row.file_up = "-Y"
+        row.filepath = "//b.spz"
+        self.assertEqual(row.file_up, "-Y")
+        row.filepath = "//b.ply"
+        self.assertEqual(row.file_up, "-Y")
+        late = self.settings.bodies.add()
+        late.filepath = "//a.spz"
+        self.assertEqual(late.file_up, "Z", "it is no file of Gaussians yet")
+        late.source = "GAUSSIANS"
+        self.assertEqual(late.file_up, "Y")
+        # Of files that others saved, where the axis was left at Z and the file is the same one.
+        late.property_unset("file_up")
+        with reactions.paths_rewritten():
+            late.filepath = "/tmp/a.spz"
+        self.assertEqual(late.file_up, "Z")
 
     @needs_library
     def test_it_follows_what_is_typed(self):

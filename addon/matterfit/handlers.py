@@ -5,7 +5,7 @@ import bpy
 from bpy.app.handlers import persistent
 
 from . import jobs
-from .io import comparison, lost, moved_paths, resolution, still_there, takes
+from .io import camera_frames, comparison, lost, moved_paths, resolution, still_there, takes
 from .props import migration
 from .ui import overlay, solver
 
@@ -23,6 +23,8 @@ def migrate_all(*_arguments):
         moved_paths.follow(scene.matterfit, moved_along=True)
         takes.look_at_disk(scene.matterfit)
         comparison.show_again(scene.matterfit)
+        camera_frames.fill(scene)
+    camera_frames.subscribe()
     state = bpy.context.window_manager.matterfit
     state.last_report = state.estimate = state.verify = ""  # of another file
     state.last_error = next((message for message in messages if message), "")
@@ -73,9 +75,11 @@ _HANDLERS = (("load_pre", stop_jobs), ("load_post", migrate_all), ("save_pre", s
 def register():
     for name, function in _HANDLERS:
         getattr(bpy.app.handlers, name, []).append(function)  # that of a failure came with 4.0
+    camera_frames.subscribe()
 
 
 def unregister():
+    camera_frames.unsubscribe()
     for name, function in _HANDLERS:
         handlers = getattr(bpy.app.handlers, name, [])
         if function in handlers:

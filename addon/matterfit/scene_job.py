@@ -53,7 +53,7 @@ class SceneJob:
 
     def _show_and_save(self, result):
         if self._verb == "render":
-            job_render.show(bpy.context.scene.camera, self.folder, result)
+            job_render.show(bpy.context.scene, self.folder, self._document["render"], result)
             bpy.ops.wm.save_mainfile()
             return
         if self._fit is None:

@@ -43,12 +43,26 @@ TEXTS = {
     "The active body is not made from a Gaussians file": "Der aktive Körper besteht nicht aus einer Splat-Datei",
     "The scene's camera needs a background image, and one of Render Splats":
         "Die Kamera der Szene braucht ein Hintergrundbild und eines von Splats zeichnen",
-    "No camera of the scene has a background image": "Keine Kamera der Szene hat ein Hintergrundbild",
+    "No camera of the scene has an image sequence behind its view":
+        "Keine Kamera der Szene hat eine Bildsequenz hinter ihrer Ansicht",
+    "Camera '{name}' was moved, or sees otherwise, since Render Take drew the pictures behind its view. Press Render "
+    "Take again.":
+        "Kamera „{name}“ wurde bewegt oder sieht anders, seit Render Take die Bilder hinter ihrer Ansicht gezeichnet "
+        "hat. Render Take noch einmal drücken.",
+    "Camera '{name}' shows pictures of another take than camera '{first}'. Select the cameras that show the same "
+    "one, or press Render Take through each.":
+        "Kamera „{name}“ zeigt Bilder eines anderen Takes als Kamera „{first}“. Die Kameras auswählen, die denselben "
+        "zeigen, oder Render Take durch jede drücken.",
+    "The pictures behind the view of {names} are gone: this take was not drawn through it again. It moves, is no "
+    "perspective camera, or is not of the same capture as the scene's camera.":
+        "Die Bilder hinter der Ansicht von {names} sind fort: dieser Take wurde nicht wieder durch sie gezeichnet. "
+        "Sie bewegt sich, ist keine perspektivische Kamera oder gehört nicht zur selben Aufnahme wie die Kamera der "
+        "Szene.",
     "{path}: the image does not exist. Was it moved?": "{path}: Das Bild gibt es nicht. Wurde es verschoben?",
-    "Camera '{name}' moves: at frame {frame} it stands or looks otherwise than at the first. A capture's cameras "
-    "stand still. Remove its animation, or film from one that does.":
-        "Kamera „{name}“ bewegt sich: bei Bild {frame} steht oder blickt sie anders als beim ersten. Die Kameras "
-        "einer Aufnahme stehen still. Ihre Animation entfernen, oder von einer stehenden filmen.",
+    "Camera '{name}' moves: at frame {frame} it stands or looks otherwise than at the first. Remove its animation, "
+    "or take a camera that stands still.":
+        "Kamera „{name}“ bewegt sich: bei Bild {frame} steht oder blickt sie anders als beim ersten. Ihre Animation "
+        "entfernen, oder eine Kamera nehmen, die still steht.",
     "Camera '{name}': '{image}' behind its view is no image sequence. Set its Source to Image Sequence.":
         "Kamera „{name}“: „{image}“ hinter ihrer Ansicht ist keine Bildsequenz. Source auf Image Sequence setzen.",
     "Camera '{name}': {path} has no number at the end of its name.":

@@ -10,7 +10,7 @@ from bpy_extras.io_utils import ImportHelper
 
 from .. import native
 from ..compat import translate
-from ..io import blender_cameras, files, fit_rows, job_captures, job_images
+from ..io import blender_cameras, camera_frames, files, fit_rows, job_captures, job_images
 from ..jobs import JobError
 from ..names import unique
 from ..props import choices
@@ -149,6 +149,7 @@ class MATTERFIT_OT_check_capture(PlainOperator, bpy.types.Operator):
         found = read_summary(context.scene, capture)
         if capture.source == "IMAGES":
             blender_cameras.read_again(capture, found["places"])
+            camera_frames.told(capture, found["places"])
         redraw(context)
 
 

@@ -5,7 +5,16 @@ import bpy
 
 from .. import jobs, native
 from ..compat import translate
-from ..io import blender_cameras, comparison, fit_outlines, image_comparison, job_render, takes, words
+from ..io import (
+    blender_cameras,
+    camera_frames,
+    comparison,
+    fit_outlines,
+    image_comparison,
+    job_render,
+    takes,
+    words,
+)
 from ..jobs import JobError
 from ..props import scene as scene_props
 from ..props.compare import store
@@ -116,6 +125,7 @@ class MATTERFIT_OT_show_overlays(PlainOperator, bpy.types.Operator):
                                      "Add Cameras.").format(name=name))
         for number in shown:
             blender_cameras.set_overlays(cameras[number], found[number])
+        camera_frames.fill(scene)
         if scene.camera not in cameras.values():
             scene.camera = cameras[shown[0]]
 

@@ -10,7 +10,7 @@ from bpy.props import BoolProperty, EnumProperty, FloatVectorProperty, StringPro
 from bpy_extras.io_utils import ImportHelper
 
 from ..compat import translate
-from ..io import blender_cameras, camera_capture, files, frames, job_images, takes
+from ..io import blender_cameras, camera_capture, camera_frames, files, frames, job_images, takes
 from ..jobs import JobError
 from ..names import unique
 from ..props import choices
@@ -68,20 +68,22 @@ class MATTERFIT_OT_import_images(MatteOptions, PlainOperator, bpy.types.Operator
             blender_cameras.show_photographs(
                 cameras, job_images.photographs(path, found["places"]),
                 frames.frame_range(scene)[0], found["times"] if same_rate else 1)
+            camera_frames.told(capture, found["places"])
 
 
 class MATTERFIT_OT_capture_cameras(MatteOptions, PlainOperator, bpy.types.Operator):
     bl_idname = "matterfit.capture_cameras"
     bl_label = "Capture from Cameras"
     bl_description = ("Add a recording by the images behind the views of the scene's cameras (of the selected "
-                      "ones where any has a sequence of images), as they stand; their file is written beside "
-                      "the .blend")
+                      "ones where any has a sequence of images), as they stand: photographs, or where there are "
+                      "none the pictures of Render Take; their file is written beside the .blend")
 
     name: StringProperty(name="Name", default="cameras", description="The capture's name")
+
     @classmethod
     def poll(cls, context):
         return greyed(cls, not camera_capture.cameras(context.scene),
-                      "No camera of the scene has a background image")
+                      "No camera of the scene has an image sequence behind its view")
 
     def invoke(self, context, _event):
         return context.window_manager.invoke_props_dialog(self)
@@ -94,17 +96,19 @@ class MATTERFIT_OT_capture_cameras(MatteOptions, PlainOperator, bpy.types.Operat
         folder = os.path.join(os.path.dirname(bpy.data.filepath), "cameras_" + files.safe_name(name))
         if os.path.exists(folder):  # another capture's, of a name that is written alike, or of before undo
             folder = next(other for n in itertools.count(2) if not os.path.exists(other := f"{folder}_{n}"))
-        path, start = camera_capture.write(scene, items, folder)
         try:
+            path, start, copies = camera_capture.write(scene, items, folder)
             found = import_file(context, name, path, source="IMAGES", **self.mattes())
         except JobError:
             shutil.rmtree(folder, ignore_errors=True)
             raise
+        camera_capture.show_copies(copies)
         capture = scene.matterfit.captures[scene.matterfit.capture_index]
         if start != frames.frame_range(scene)[0]:
             capture.use_start_frame, capture.start_frame = True, start
         if len(found["places"]) == len(items):  # of one place and lens are one camera
             blender_cameras.tag(items, capture)
+            camera_frames.told(capture, found["places"])
 
 
 CLASSES = (MATTERFIT_OT_import_images, MATTERFIT_OT_capture_cameras)

@@ -36,6 +36,24 @@ def _splats_changed(self, _context):
     reactions.splats_changed(self)
 
 
+def _source_changed(self, _context):
+    """A .spz file says by its format that y points up: so does the row, until somebody says otherwise."""
+    if not reactions.rewriting():
+        spz = self.source == "GAUSSIANS" and self.filepath.lower().endswith(".spz")
+        if spz and not self.is_property_set("file_up"):
+            self.file_up = "Y"
+            self.up_of_file = True
+        elif not spz and self.up_of_file:
+            self.up_of_file = False
+            self.property_unset("file_up")
+    reactions.splats_changed(self)
+
+
+def _up_changed(self, _context):
+    self.up_of_file = False
+    reactions.splats_changed(self)
+
+
 class MatterfitContact(bpy.types.PropertyGroup):
     """How a body touches a surface."""
 
@@ -128,7 +146,7 @@ class MatterfitBody(bpy.types.PropertyGroup):
         description="Takes part in the simulation")
 
     source: EnumProperty(
-        name="Source", default="OBJECT", update=_splats_changed,
+        name="Source", default="OBJECT", update=_source_changed,
         items=(("OBJECT", "Object", "An object of this scene, filled with particles"),
                ("POINTS", "Points File", "Particles from a .ply, .npz or .npy file"),
                ("GAUSSIANS", "Gaussians File", "3D Gaussian splats of a .ply, .splat or .spz file, their inside "
@@ -138,14 +156,17 @@ class MatterfitBody(bpy.types.PropertyGroup):
         name="Object", type=bpy.types.Object, poll=_object_poll,
         description="The object that is simulated, or run into")
     filepath: StringProperty(
-        name="File", subtype="FILE_PATH", options=PATH_OPTIONS, update=_splats_changed,
+        name="File", subtype="FILE_PATH", options=PATH_OPTIONS, update=_source_changed,
         description="A file of particles or Gaussians")
     preview: PointerProperty(
         name="Preview", type=bpy.types.Object,
         description="The object that shows the file's Gaussians in the viewport")
     file_up: EnumProperty(
-        name="Up Axis", default="Z", items=choices.FILE_UP_AXES, update=_splats_changed,
+        name="Up Axis", default="Z", items=choices.FILE_UP_AXES, update=_up_changed,
         description="What points up in the file")
+    up_of_file: BoolProperty(
+        name="Up Axis of the Format", default=False, options={"HIDDEN"},
+        description="The axis above is what the file's format says, and nobody's choice")
     file_scale: FloatProperty(
         name="File Scale", default=1.0, min=1e-9, soft_min=1e-3, max=1e9, soft_max=1e3, precision=4,
         update=_splats_changed,

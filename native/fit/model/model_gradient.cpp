@@ -133,9 +133,9 @@ void Model::add_through_cameras(std::size_t run, std::span<const double> values,
       const Vec3d turn(spin(2, 1), spin(0, 2), spin(1, 0));
       const Vec3d shift =
           (more.translation - less.translation) / (2.0 * kDifference) - turn.cross(at.translation);
-      for (int k = 0; k < 3; ++k) {
-        sum[i] += drawn.poses[v][std::size_t(k)] * turn[k];
-        sum[i] += drawn.poses[v][std::size_t(3 + k)] * shift[k];
+      const auto& pose = drawn.poses[v];
+      for (std::size_t k = 0; k < 3; ++k) {
+        sum[i] += pose[k] * turn[Eigen::Index(k)] + pose[3 + k] * shift[Eigen::Index(k)];
       }
     }
   }

@@ -95,8 +95,7 @@ class MeshBinding {
 
  private:
   [[nodiscard]] Mat3d fitted_gradient(std::size_t point, const ParticleView& state) const;
-  /// What particle of its stencil a point's F takes from that particle's position: G of
-  /// F = Σ x_p G_pᵀ, one each.
+  /// G_p of a point's fitted F = Σ x_p G_pᵀ, one for each particle of its stencil.
   [[nodiscard]] std::vector<Vec3d> gradient_weights(std::size_t point) const;
   void check_size(std::size_t particles, const std::string& name) const;
   void check_bars(std::size_t of_points, std::size_t of_particles, std::size_t of_gradients) const;

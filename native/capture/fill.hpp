@@ -42,12 +42,13 @@ struct FilledBody {
 /// place in it that depends on seed and cell only) of which at least three tenths are inside, or
 /// one twentieth where no neighbour has a particle. The volume inside a cut cell is shared among
 /// the particles of the eight cells about its centroid by their distances, so that the body's
-/// centre and its moments of inertia and of bending are the shape's; a share without a particle
-/// goes to the cell's own, or else to neighbours over faces (else edges, else corners). Cells
-/// within 1e-4 of empty or full count as such. Volumes of cut cells and of those that took shares
-/// are scaled to the shape's exact volume where that is known. Same result for any number of
-/// threads. Throws Error(kInput) if nothing is inside, where more than half of the volume is in
-/// parts too thin for any particle, or for more than `limit` particles.
+/// centre and its moments of inertia and of bending are nearly the shape's; what falls on a cell
+/// without a particle goes to the cut cell's own, or else to neighbours over faces (else edges,
+/// else corners), which take as much again from the full cell behind them. Cells within 1e-4 of
+/// empty or full count as such. Volumes of cells that are cut or took a share are scaled to the
+/// shape's exact volume where that is known. Same result for any number of threads. Throws
+/// Error(kInput) if nothing is inside, where more than half of the volume is in parts too thin for
+/// any particle, or for more than `limit` particles.
 
 /// A polygon mesh. Unwelded corners are joined, faces turned to agree, a shell that faces inward by
 /// itself is turned; overlapping shells join, inward shells within another are cavities. Holes are

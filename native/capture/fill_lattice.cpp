@@ -292,14 +292,15 @@ class LatticeFill {
     body.volumes.reserve(count);
     double sum = 0;
     Eigen::AlignedBox3i cells;
+    openvdb::tree::ValueAccessor<const DistanceTree> part(tree_);
     for (auto value = volumes_->cbeginValueOn(); value; ++value) {
       const Coord cell = value.getCoord();
-      const bool is_whole = *value == 1.0F;
+      const bool full = part.getValue(cell) == 1.0F;
       look_at_cancel(options_);
       cells.extend(Eigen::Vector3i(cell.x(), cell.y(), cell.z()));
-      body.positions.push_back(position(cell, is_whole));
+      body.positions.push_back(position(cell, full));
       body.volumes.push_back(static_cast<double>(*value) * cube *
-                             (is_whole || !scaled ? 1 : scale));
+                             (*value == 1.0F || !scaled ? 1 : scale));
       sum += body.volumes.back();
     }
     if (body.lattice.regular) find_skin(body);

@@ -267,6 +267,32 @@ void state_mattes(const ImageClip& clip, const std::vector<OddMattes>& odd,
   }
 }
 
+/// Throws Error(kInput) naming the camera whose images are missing, before any is read.
+void check_images_are_there(const CameraSet& set, const ImageClipOptions& options) {
+  std::vector<std::size_t> missing(set.cameras.size(), 0);
+  std::vector<std::size_t> all(set.cameras.size(), 0);
+  const Shot* first = nullptr;
+  const auto file_of = [&](const Shot& shot) {
+    return set.folder / (has_own_matte(shot, options) ? shot.mask : shot.image);
+  };
+  for (const Shot& shot : set.shots) {
+    ++all[shot.camera];
+    std::error_code code;
+    if (fs::exists(file_of(shot), code)) continue;
+    ++missing[shot.camera];
+    if (first == nullptr) first = &shot;
+  }
+  if (first == nullptr) return;
+  const std::size_t camera = first->camera;
+  throw_input(set.source + ": " + std::to_string(missing[camera]) + " of the " +
+              std::to_string(all[camera]) +
+              (has_own_matte(*first, options) ? " mattes" : " images") + " of camera " +
+              std::to_string(camera) + " are not there, the first of them '" +
+              file_of(*first).string() +
+              "'. Name the folder that holds the images as the capture's 'images' (Image Folder), "
+              "or take the missing ones out of the file.");
+}
+
 }  // namespace
 
 std::vector<fs::path> image_clip_files(const fs::path& cameras, const ImageClipOptions& options) {
@@ -294,30 +320,6 @@ std::vector<fs::path> image_clip_files(const fs::path& cameras, const ImageClipO
     if (known.insert(file).second) once.push_back(std::move(file));
   }
   return once;
-}
-
-/// Throws Error(kInput) naming the camera whose images are missing, before any is read.
-void check_images_are_there(const CameraSet& set, const ImageClipOptions& options) {
-  std::vector<std::size_t> missing(set.cameras.size(), 0);
-  std::vector<std::size_t> all(set.cameras.size(), 0);
-  const Shot* first = nullptr;
-  const auto file_of = [&](const Shot& shot) {
-    return set.folder / (has_own_matte(shot, options) ? shot.mask : shot.image);
-  };
-  for (const Shot& shot : set.shots) {
-    ++all[shot.camera];
-    std::error_code code;
-    if (fs::exists(file_of(shot), code)) continue;
-    ++missing[shot.camera];
-    if (first == nullptr) first = &shot;
-  }
-  if (first == nullptr) return;
-  const std::size_t camera = first->camera;
-  throw_input(set.source + ": " + std::to_string(missing[camera]) + " of the " +
-              std::to_string(all[camera]) + " images of camera " + std::to_string(camera) +
-              " are not there, the first of them '" + file_of(*first).string() +
-              "'. Name the folder that holds the images as the capture's 'images' (Image Folder), "
-              "or take the missing ones out of the file.");
 }
 
 ImageClip read_image_clip(const fs::path& cameras, const ImageClipOptions& options,

@@ -85,8 +85,8 @@ class Sharing {
     volume_.setValueOn(cell, volume_.getValue(cell) + static_cast<float>(volume));
   }
 
-  /// What lies a cell farther out than its heir counts twice there and is taken once from the cell
-  /// behind, so that the first moment is right.
+  /// A volume that lies a cell farther out than its heir counts twice there and is taken once from
+  /// the cell behind, so that the first moment is right.
   void inherit(const Coord& cell, const Coord& heir, double volume) {
     const Coord behind = heir + (heir - cell);
     const bool moves = heir != cell && part_.getValue(behind) == 1.0F &&

@@ -15,7 +15,7 @@ namespace matterfit::capture {
 struct CutCell {
   openvdb::Coord cell;
   double fraction = 0.0;           ///< of it that is inside, above 0 and below 1
-  Vec3d centroid = Vec3d::Zero();  ///< of that, about the cell's middle, in cells
+  Vec3d centroid = Vec3d::Zero();  ///< of that, nearly, about the cell's middle, in cells
 };
 
 /// Which cells of a lattice get a particle, and the volume of each in cells, by the rule of

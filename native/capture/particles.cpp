@@ -82,12 +82,13 @@ Mat3d polar_rotation(const Mat3d& deformation_gradient) {
 }
 
 Mat3d polar_rotation_adjoint(const Mat3d& deformation_gradient, const Vec3d& rotation_bar) {
+  constexpr double kNoRotation = 1e-6;
   const Stretch stretch = principal_stretches(deformation_gradient);
   const Mat3d rotation = stretch.axes * stretch.rest_axes.transpose();
   // In the principal axes tr S I − S is diagonal.
   const Vec3d& s = stretch.stretches;
   const Vec3d sums(s[1] + s[2], s[2] + s[0], s[0] + s[1]);
-  if (!(sums.cwiseAbs().minCoeff() > 0.0)) return Mat3d::Zero();
+  if (!(sums.cwiseAbs().minCoeff() > kNoRotation * s.cwiseAbs().maxCoeff())) return Mat3d::Zero();
   const Vec3d turn =
       stretch.rest_axes * (stretch.axes.transpose() * rotation_bar).cwiseQuotient(sums);
   Mat3d skew;

@@ -49,7 +49,7 @@ struct Stretch {
 [[nodiscard]] Mat3d polar_rotation(const Mat3d& deformation_gradient);
 /// Its transpose, for rotations dR = [ω]× R: F̄ of what has the cotangent ω̄ in ω. With θ = Rᵀ ω,
 /// (tr S I − S) θ = axial(Rᵀ dF − dFᵀ R). Zero where no rotation is nearest: S has two stretches
-/// whose sum is 0.
+/// whose sum is nearly 0.
 [[nodiscard]] Mat3d polar_rotation_adjoint(const Mat3d& deformation_gradient,
                                            const Vec3d& rotation_bar);
 

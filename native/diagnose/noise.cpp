@@ -23,8 +23,10 @@ constexpr double kOutlier = 4.0;
 /// Samples of a capture, in all its series, from which slow noise can be told from a motion that is
 /// wrong; with fewer the stated noise is taken, white, where there is one.
 constexpr std::size_t kSamplesForNoise = 30;
-/// Correlation from which errors of places, which stay with a track, cannot be told from its noise.
-constexpr double kLasting = 0.5;
+/// Between these correlations of a track's noise it hides the errors of places more and more, which
+/// stay with a track as well.
+constexpr double kPassing = 0.3;
+constexpr double kLasting = 0.7;
 /// A shared part is looked for from so many tracks on: with fewer the mean is mostly the own parts.
 constexpr Index kTracksForCommon = 4;
 
@@ -342,8 +344,10 @@ Noise estimate_noise(const Rows& rows, const std::vector<Capture>& captures,
       const double square = places.square * places.count / (places.count - smooth) -
                             square_of_noise(places, fit.sigma, fit.correlation);
       track.place_sigma = lost * std::sqrt(std::max(square, 0.0));
-    } else if (places.lost > 0.0 && track.correlation > kLasting) {
-      track.place_sigma = track.sigma;  // of the frame that the places come from
+    } else if (places.lost > 0.0) {
+      // As the noise of the frame that the places come from.
+      const double hidden = (track.correlation - kPassing) / (kLasting - kPassing);
+      track.place_sigma = track.sigma * std::clamp(hidden, 0.0, 1.0);
     }
     if (shared) {
       // Means of few frames say little of its memory, and both parts come of one tracker.

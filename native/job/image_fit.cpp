@@ -243,31 +243,22 @@ class ImageFit {
         continue;
       }
       const std::vector<double> before = state_.values;
-      const double agreed = state_.beginnings > 0
-                                ? misfit_of_beginning(times[count_of(state_.beginnings - 1) - 1])
-                                : std::numeric_limits<double>::infinity();
-      const double until = times[count - 1];
-      search(watched(scene_->beginning(state_.values, kWide, until)), "throw",
-             scene_->motion_from(state_.values));
-      const double misfit = misfit_of_beginning(until);
-      if (misfit > kDisagrees * std::max(agreed, kAgrees)) {
-        // What came in between, a contact, says more of the material, which is held here.
+      const fit::ImageProblem::Misfit ended =
+          search(watched(scene_->beginning(state_.values, kWide, times[count - 1])), "throw",
+                 scene_->motion_from(state_.values));
+      const double misfit = std::fmax(ended.images, ended.colours);  // the one that is no NaN
+      if (state_.agreed && misfit > kDisagrees * std::max(*state_.agreed, kAgrees)) {
+        // A contact, say, came in between and tells more of the material, which is held here.
         state_.values = before;
         state_.beginnings = static_cast<int>(std::size(kBeginnings)) - 1;
+      } else {
+        state_.agreed = misfit;
       }
       ++state_.beginnings;
       state_.search.reset();
       state_.refinements.clear();
       save();
     }
-  }
-
-  /// Misfit of the images up to a time, at the present values.
-  [[nodiscard]] double misfit_of_beginning(double until) {
-    fit::ImageProblem at = scene_->beginning(state_.values, kWide, until);
-    const auto residual = at.evaluate({natural(state_.values)}).front();
-    ++state_.evaluations;
-    return residual ? at.misfit(*residual).images : std::numeric_limits<double>::infinity();
   }
 
   /// Starts of stiffness that nothing is known of: the best of some factors off the scene's.
@@ -328,8 +319,10 @@ class ImageFit {
     search(problem(blur), stage, scene_->parameters_from(state_.values));
   }
 
-  void search(fit::ImageProblem at, const char* stage, std::vector<fit::Parameter> parameters) {
-    if (parameters.empty()) return;  // weights alone are fitted
+  /// The misfit where it ended.
+  fit::ImageProblem::Misfit search(fit::ImageProblem at, const char* stage,
+                                   std::vector<fit::Parameter> parameters) {
+    if (parameters.empty()) return {kNoMisfit, kNoMisfit, kNoMisfit};  // weights alone are fitted
     fit::LeastSquaresOptions options;
     options.huber = doc_.huber;
     options.iterations = doc_.iterations;
@@ -361,6 +354,7 @@ class ImageFit {
     state_.values = at.physical(search.point);
     state_.evaluations += search.evaluations;
     state_.iterations += search.iteration;
+    return at.misfit(search.residual);
   }
 
   /// The search goes on with the weights of a neural law, where the document asks for it.

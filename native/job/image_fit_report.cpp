@@ -17,20 +17,23 @@ namespace {
 constexpr double kPoorOverlap = 0.9;
 constexpr double kFarApart = 2.0;
 
-std::string overlap_warning(const Json& silhouettes, double noise_scale) {
+std::string overlap_warning(const Json& silhouettes, double noise_scale, bool finds_throw) {
   const Json& fitted = silhouettes.at("fitted");
-  if (!fitted.is_object() || !fitted.at("iou").is_number() || !(noise_scale > kFarApart)) return "";
+  if (!(noise_scale > kFarApart) || !fitted.is_object() || !fitted.contains("iou") ||
+      !fitted.at("iou").is_number()) {
+    return "";
+  }
   const double overlap = fitted.at("iou").get<double>();
   if (overlap >= kPoorOverlap) return "";
   return fmt::format(
       "The outlines that were fitted overlap by {:.1f} % only and are {:.2g} times the stated "
       "noise "
-      "apart: the search may have ended at a wrong throw or spin, whose errors do not say so. "
-      "Begin "
-      "from a velocity and a spin that are nearer, fit a spin that is known no more, or look at "
-      "the "
-      "overlays for what the scene lacks.",
-      100.0 * overlap, noise_scale);
+      "apart: {} Look at the overlays for what the scene lacks.",
+      100.0 * overlap, noise_scale,
+      finds_throw
+          ? "the search may have ended at a wrong throw or spin, whose errors do not say so. "
+            "Begin from a velocity and a spin that are nearer."
+          : "the scene's throw, placement or cameras are not the recording's.");
 }
 
 void add_sentence(const std::string& more, Json& warning) {
@@ -81,7 +84,9 @@ Json image_fit_json(const ImageFitEnd& end, std::vector<std::string> statements)
       {"cameras", after.cameras},
       {"history", state.history}};
   json["warning"] = fit_warning(json, false);
-  add_sentence(overlap_warning(after.silhouettes, std::sqrt(end.misfit.images)), json["warning"]);
+  add_sentence(
+      overlap_warning(after.silhouettes, std::sqrt(end.misfit.images), end.scene.finds_throw()),
+      json["warning"]);
   add_sentence(held_out_warning(after.tracks), json["warning"]);
   return json;
 }

@@ -24,13 +24,14 @@ double searched_share(ImagePhase phase, int simulations) {
 }
 
 std::string format_image_fit_state(const ImageFitState& state) {
-  Json body = {{"inputs", state.inputs},           {"phase", static_cast<int>(state.phase)},
-               {"values", state.values},           {"stepped_at", state.stepped_at},
-               {"sized_at", state.sized_at},       {"coloured_at", state.coloured_at},
-               {"refinements", state.refinements}, {"before", state.before},
-               {"history", state.history},         {"evaluations", state.evaluations},
-               {"iterations", state.iterations},   {"seconds", state.seconds},
-               {"beginnings", state.beginnings}};
+  Json body = {
+      {"inputs", state.inputs},           {"phase", static_cast<int>(state.phase)},
+      {"values", state.values},           {"stepped_at", state.stepped_at},
+      {"sized_at", state.sized_at},       {"coloured_at", state.coloured_at},
+      {"refinements", state.refinements}, {"before", state.before},
+      {"history", state.history},         {"evaluations", state.evaluations},
+      {"iterations", state.iterations},   {"seconds", state.seconds},
+      {"beginnings", state.beginnings},   {"agreed", state.agreed ? Json(*state.agreed) : Json()}};
   if (state.search) body["search"] = search_json(*state.search);
   return format_checkpoint(kImageSchema, state.input_hash, body);
 }
@@ -57,6 +58,9 @@ std::optional<ImageFitState> read_image_fit_state(const std::filesystem::path& f
     json.at("iterations").get_to(state.iterations);
     json.at("seconds").get_to(state.seconds);
     json.at("beginnings").get_to(state.beginnings);
+    if (json.contains("agreed") && json.at("agreed").is_number()) {
+      state.agreed = json.at("agreed").get<double>();
+    }
     if (json.contains("search")) state.search = search_of(json.at("search"));
     return state;
   } catch (const Json::exception&) {

@@ -32,12 +32,13 @@ struct ImageFitState {
   std::string input_hash;
   Inputs inputs;
   ImagePhase phase = ImagePhase::kPosesWide;
-  std::vector<double> values;       ///< physical, where the phase began
+  std::vector<double> values;       ///< physical, where the phase, or a beginning of it, began
   std::vector<double> stepped_at;   ///< values by which substeps were chosen last
   std::vector<double> sized_at;     ///< values by which images were reduced last
   std::vector<double> coloured_at;  ///< values at which colours were learnt last; empty: none were
   std::vector<int> refinements;     ///< of the substeps, in the phase's search
   int beginnings = 0;               ///< that the throw was looked for in
+  std::optional<double> agreed;     ///< misfit of the last of them that was taken
   std::optional<fit::LeastSquaresState> search;  ///< of the phase
   Json before;                                   ///< agreement at the start values
   std::vector<Json> history;

@@ -147,7 +147,7 @@ TEST(ImageFit, AContactIsNotTakenForSpin) {
   const Json result = run(document, folder.path);
   const Json& fit = result.at("fit");
   EXPECT_NEAR(value_of(result, "bodies.cube.material.E"), 3e4, 0.4 * 3e4) << fit.dump(1);
-  // Where all is searched from: the throw of the flight, and not what the contact made of it.
+  // The search of everything begins at the flight's throw, and not at what contact made of it.
   const Json& history = fit.at("history");
   const auto wide = std::find_if(history.begin(), history.end(),
                                  [](const Json& entry) { return entry.at("stage") == "wide"; });

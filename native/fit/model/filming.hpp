@@ -120,7 +120,7 @@ class ParticleFilm {
     std::vector<Points> places;   ///< one a frame that is kept
     std::vector<Points> columns;  ///< of F, three a particle; none where it is not carried
   };
-  /// Of a body's particles at a time.
+  /// A body's particles at a time.
   struct State {
     std::vector<Vec3f> positions;
     std::vector<Mat3f> gradients;

@@ -76,6 +76,17 @@ TEST_P(BindingModes, ReproduceAffineMotion) {
   EXPECT_GT(fits, 150U);
 }
 
+/// Σ of cotangents times what they are of.
+double weighed(const ParticleView& state, const std::vector<Vec3d>& of_position,
+               const std::vector<Mat3d>& of_gradient) {
+  double sum = 0.0;
+  for (std::size_t p = 0; p < of_position.size(); ++p) {
+    sum += of_position[p].dot(state.positions[p].cast<double>()) +
+           of_gradient[p].cwiseProduct(state.deformation_gradients[p].cast<double>()).sum();
+  }
+  return sum;
+}
+
 // Positions are linear in the particles' positions and F.
 TEST_P(BindingModes, SpreadIsTheTranspose) {
   const auto points = scatter(300, 0.5);
@@ -91,13 +102,8 @@ TEST_P(BindingModes, SpreadIsTheTranspose) {
   std::vector<Vec3d> of_position(binding.particles(), Vec3d::Zero());
   std::vector<Mat3d> of_gradient(binding.particles(), Mat3d::Zero());
   binding.spread(bar, of_position, of_gradient);
-  double found = 0.0;
-  for (std::size_t p = 0; p < of_position.size(); ++p) {
-    found +=
-        of_position[p].dot(body_.view().positions[p].cast<double>()) +
-        of_gradient[p].cwiseProduct(body_.view().deformation_gradients[p].cast<double>()).sum();
-  }
-  EXPECT_NEAR(found, expected, 1e-10 * std::abs(expected));
+  EXPECT_NEAR(weighed(body_.view(), of_position, of_gradient), expected,
+              1e-10 * std::abs(expected));
   EXPECT_THROW(binding.spread(bar, {of_position.data(), 3}, of_gradient), Error);
 }
 
@@ -115,13 +121,8 @@ TEST_P(BindingModes, SpreadGradientsIsTheTranspose) {
   std::vector<Vec3d> of_position(binding.particles(), Vec3d::Zero());
   std::vector<Mat3d> of_gradient(binding.particles(), Mat3d::Zero());
   binding.spread_gradients(bar, of_position, of_gradient);
-  double found = 0.0;
-  for (std::size_t p = 0; p < of_position.size(); ++p) {
-    found +=
-        of_position[p].dot(body_.view().positions[p].cast<double>()) +
-        of_gradient[p].cwiseProduct(body_.view().deformation_gradients[p].cast<double>()).sum();
-  }
-  EXPECT_NEAR(found, expected, 1e-10 * std::abs(expected));
+  EXPECT_NEAR(weighed(body_.view(), of_position, of_gradient), expected,
+              1e-10 * std::abs(expected));
   EXPECT_THROW(binding.spread_gradients(bar, {of_position.data(), 3}, of_gradient), Error);
 }
 

@@ -167,13 +167,18 @@ bool has_own_matte(const Shot& shot, const ImageClipOptions& options) {
   return !options.key && !options.plates && !shot.mask.empty();
 }
 
+/// The file that a matte is read or made from.
+fs::path matte_source(const CameraSet& set, const Shot& shot, const ImageClipOptions& options) {
+  return set.folder / (has_own_matte(shot, options) ? shot.mask : shot.image);
+}
+
 /// `colours`: where they go; null: they are not asked for.
 KeyedMatte read_matte(const CameraSet& set, const Shot& shot, const std::vector<CleanPlate>& plates,
                       const ImageClipOptions& options,
                       std::array<std::vector<std::uint8_t>, 3>* colours) {
   const bool own = has_own_matte(shot, options);
-  const fs::path file = set.folder / (own ? shot.mask : shot.image);
   const splat::Camera& camera = set.cameras[shot.camera];
+  const fs::path file = matte_source(set, shot, options);
   const Bitmap bitmap = read_sized(file, camera);
   if (colours != nullptr) {
     *colours = planes(own ? read_sized(set.folder / shot.image, camera) : bitmap);
@@ -272,13 +277,10 @@ void check_images_are_there(const CameraSet& set, const ImageClipOptions& option
   std::vector<std::size_t> missing(set.cameras.size(), 0);
   std::vector<std::size_t> all(set.cameras.size(), 0);
   const Shot* first = nullptr;
-  const auto file_of = [&](const Shot& shot) {
-    return set.folder / (has_own_matte(shot, options) ? shot.mask : shot.image);
-  };
   for (const Shot& shot : set.shots) {
     ++all[shot.camera];
     std::error_code code;
-    if (fs::exists(file_of(shot), code)) continue;
+    if (fs::exists(matte_source(set, shot, options), code)) continue;
     ++missing[shot.camera];
     if (first == nullptr) first = &shot;
   }
@@ -288,7 +290,7 @@ void check_images_are_there(const CameraSet& set, const ImageClipOptions& option
               std::to_string(all[camera]) +
               (has_own_matte(*first, options) ? " mattes" : " images") + " of camera " +
               std::to_string(camera) + " are not there, the first of them '" +
-              file_of(*first).string() +
+              matte_source(set, *first, options).string() +
               "'. Name the folder that holds the images as the capture's 'images' (Image Folder), "
               "or take the missing ones out of the file.");
 }

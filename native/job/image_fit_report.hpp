@@ -25,7 +25,7 @@ struct ImageFitEnd {
   const ImageStanding& after;
 };
 
-/// What a result's `fit` says of it (docs/formats.md); `statements` come before its own.
+/// The `fit` of its result (docs/formats.md); `statements` come before the report's own.
 [[nodiscard]] Json image_fit_json(const ImageFitEnd& end, std::vector<std::string> statements);
 
 }  // namespace matterfit::job

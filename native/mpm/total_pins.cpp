@@ -191,7 +191,7 @@ struct Constraints {
   Eigen::MatrixXd factor;  ///< lower Cholesky factor
 };
 
-/// Those of all rows, as often as they are named.
+/// The nodes of all rows, each as often as it is named.
 std::vector<std::uint32_t> nodes_of(const std::vector<NodeWeights>& rows) {
   std::vector<std::uint32_t> nodes;
   for (const NodeWeights& row : rows) {

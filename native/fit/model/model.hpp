@@ -153,7 +153,7 @@ class Model {
   /// What the values of a run do by way of contacts that follow the material.
   void add_through_contacts(std::size_t run, std::span<const double> values,
                             const mpm::Gradient& gradient, std::span<double> sum) const;
-  /// What the values of a run do by way of the cameras of `filming`'s views.
+  /// Adds the derivatives by way of the cameras of `filming`'s views to `sum`.
   void add_through_cameras(std::size_t run, std::span<const double> values, const Filming& filming,
                            const FilmBars& drawn, std::span<double> sum) const;
   [[nodiscard]] mpm::Simulation::Options simulation_options() const;

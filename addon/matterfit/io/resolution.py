@@ -23,6 +23,7 @@ HITS = 8
 PREVIEW_PARTICLES, PREVIEW_LAYERS = 4000, 2  # at most, and of these across the thinnest part at least
 THIN = 0.25  # of a body's box, its longest side and its shortest left out: walls and plates
 WIRES = 0.6  # twice the volume over thickness × area: 1 of a wall, 1/2 of a wire
+BOTH_ENDS = 0.4  # layers: a particle is where .3 of one is inside (capture/particle_volumes.cpp)
 FEWEST_CELLS = 1.5  # across a wall: three layers of particles, below which it is a hinge
 _applying = []
 _known = {}  # object's name: Size, for when the object is hidden
@@ -40,13 +41,16 @@ class Size:
 
     def most_particles(self, separation):
         """To how many particles the body is filled at most: part of a layer takes a whole one, across
-        a wall or a wire that is thin as across the longer sides of the box."""
+        a wall or a wire that is thin as across the longer sides of the box, and both ends of what is
+        thin may lie in parts that do."""
         thickness, (_least, middle, longest) = min(self.thickness, *self.sides), sorted(self.sides)
         lengths = (thickness, thickness if self.wires else middle, longest)
         layers = [max(length / separation, 1e-6) for length in lengths]
         whole = [numpy.ceil(count - 1e-3) for count in layers]
         if self.wires:  # where cells meet it is in both
-            whole[:2] = numpy.maximum(whole[:2], 2.0)
+            whole[:2] = numpy.maximum(numpy.ceil(numpy.add(layers[:2], BOTH_ENDS - 1e-3)), 2.0)
+        elif thickness < THIN * middle:  # in the mean over where it lies
+            whole[0] = max(whole[0], layers[0] + BOTH_ENDS)
         more = numpy.prod(numpy.divide(whole, layers))
         return self.volume * float(more) / separation**3
 

@@ -93,6 +93,12 @@ class SceneCase(unittest.TestCase):
         self.assertIn(message.split("\n")[0], str(caught.exception))
         return message
 
+    def greyed(self, operator, reason):
+        """The operator's button is greyed, and its tip says why."""
+        self.assertFalse(operator.poll())
+        with self.assertRaisesRegex(RuntimeError, reason):
+            operator()
+
     def error(self):
         return bpy.context.window_manager.matterfit.last_error
 

@@ -160,6 +160,7 @@ class DrawnTest(ImagesCase):
         self.fails(bpy.ops.matterfit.capture_cameras, ["Camera 'Front' was moved", "Press Render Take again"])
         self.cameras[0].location.x -= 0.1
         bpy.context.view_layer.update()
+        self.settings.takes[0].folder = ""  # the pictures are nobody's
         bpy.ops.matterfit.add_take()
         bpy.ops.matterfit.render_take()
         self.fails(bpy.ops.matterfit.capture_cameras, ["Camera 'Side' shows pictures of another take"])

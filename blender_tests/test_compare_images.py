@@ -81,6 +81,11 @@ class CompareImagesTest(ImagesCase):
             self.assertEqual(frame - user.frame_start + 1 + user.frame_offset, frame)
         bpy.ops.matterfit.show_overlays()
         self.assertEqual(len(camera.data.background_images), 2, "in place of the one before")
+        # They are of this take.
+        bpy.ops.matterfit.add_take()
+        self.assertEqual([shown.show_background_image for shown in camera.data.background_images], [True, False])
+        self.settings.take_index = 0
+        self.assertTrue(all(shown.show_background_image for shown in camera.data.background_images))
 
         folder = takes.locate(takes.ensure_active(self.settings)).folder
         found = image_comparison.overlays(folder, "clip")

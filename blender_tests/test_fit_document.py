@@ -407,6 +407,13 @@ class DocumentTest(FitCase):
         self.capture.holdout, self.capture.holdout_tracks = "TRACKS", "Tip-1, 3"
         document, _folder = self.document("fit")
         self.assertEqual(document["captures"][0]["holdout"], {"tracks": ["Tip-1", 3]})
+        self.capture.holdout, self.capture.holdout_start = "BOTH", 4
+        document, _folder = self.document("fit")
+        self.assertEqual(document["captures"][0]["holdout"], {"frames": [4, 7], "tracks": ["Tip-1", 3]})
+        # Files hold the number.
+        items = self.capture.bl_rna.properties["holdout"].enum_items
+        self.assertEqual({item.identifier: item.value for item in items},
+                         {"NONE": 0, "FRAMES": 1, "CAPTURE": 2, "TRACKS": 3, "BOTH": 4})
         self.capture.holdout_tracks = " "
         with self.assertRaisesRegex(JobError, "no point is named"):
             self.written()

@@ -1,20 +1,25 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Fits to images: what the panel offers and the document says of them, and what their results show."""
 
+import os
+from unittest import mock
+
 import bpy
 import fake_fit
-from matterfit import native, ui
-from matterfit.io import fit_outlines
+from matterfit import jobs, native, ui
+from matterfit.io import fit_outlines, takes
 from matterfit.jobs import JobError
 from matterfit.ui import capture as capture_panel
+from matterfit.ui import drawing, fit_overlay, fit_result
 from matterfit.ui import fit as fit_panel
-from matterfit.ui import fit_result
 from panel_recorder import faults_of_all, text_width
 from support import needs_library
+from test_compare_images import write_square
 from test_correction import properties
 from test_fit import FakeFitCase
 from test_images import ImagesCase
 from test_latent import texts
+from test_operators import Backend
 
 
 class ImageFitCase(FakeFitCase, ImagesCase):
@@ -59,17 +64,10 @@ class OfferTest(ImageFitCase):
             self.use(points, film)
             offered = properties(fit_panel.MATTERFIT_PT_fit) + properties(fit_panel.MATTERFIT_PT_fit_advanced)
             self.assertEqual("loss" in offered, points)
-            for name in (*self.BY_POINTS, "law", "show_history"):
+            for name in (*self.BY_POINTS, "law"):
                 self.assertEqual(name in offered, not film, (name, points, film))
-            for name in ("huber", "iterations", "threads"):
+            for name in ("huber", "iterations", "threads", "show_history"):
                 self.assertIn(name, offered)
-
-    def test_a_curve_that_is_drawn_can_be_hidden(self):
-        """That of a fit to points, before images were added."""
-        self.use(True, False)
-        self.fitted()
-        self.use(True, True)
-        self.assertIn("show_history", properties(fit_panel.MATTERFIT_PT_fit))
 
     def test_another_law_is_refused(self):
         """What was chosen for points can be set back."""
@@ -86,10 +84,14 @@ class OfferTest(ImageFitCase):
             self.assertIn("laws", self.written())
             self.assertNotIn("compared by points only", texts(fit_panel.MATTERFIT_PT_fit))
 
-    def test_what_follows_points_is_refused(self):
+    def test_what_follows_points_is_greyed(self):
         self.fit.loss = "TRACKS"
         for operator in (bpy.ops.matterfit.check_fit, bpy.ops.matterfit.diagnose):
-            self.fails(operator, ["follow the same points", "disable captures by images"])
+            for points in (True, False):
+                self.use(points, True)
+                self.greyed(operator, "follow the same points.*disable captures by images")
+            self.use(True, False)
+            self.assertTrue(operator.poll())
 
 
 class HoldOutTest(ImageFitCase):
@@ -99,7 +101,7 @@ class HoldOutTest(ImageFitCase):
     def test_cameras_by_their_name(self):
         self.settings.capture_index = 1
         film = self.film
-        for choice, value in (("TRACKS", 3), ("FRAMES", 1), ("NONE", 0)):
+        for choice, value in (("BOTH", 4), ("TRACKS", 3), ("FRAMES", 1), ("NONE", 0)):
             film.holdout_of_images = choice
             self.assertEqual((film.holdout, film.holdout_of_images), (choice, choice))
             film.holdout = "NONE"
@@ -109,11 +111,27 @@ class HoldOutTest(ImageFitCase):
             self.assertEqual(film.bl_rna.properties["holdout"].enum_items[choice].value, value)
             self.assertTrue(self.shown("holdout_of_images") and not self.shown("holdout"))
         items = {item.identifier: item.name for item in film.bl_rna.properties["holdout_of_images"].enum_items}
-        self.assertEqual(items, {"NONE": "Nothing", "FRAMES": "Last Frames", "TRACKS": "Cameras"})
+        self.assertEqual(items, {"NONE": "Nothing", "FRAMES": "Last Frames", "TRACKS": "Cameras", "BOTH": "Both"})
         film.holdout, film.holdout_tracks = "TRACKS", "0"
         self.assertEqual(self.document("fit")[0]["captures"][1]["holdout"], {"cameras": [0]})
         self.settings.capture_index = 0
         self.assertTrue(self.shown("holdout") and not self.shown("holdout_of_images"))
+
+    @needs_library
+    def test_frames_and_cameras(self):
+        """Each alone shows its own field."""
+        self.settings.capture_index = 1
+        film = self.film
+        film.holdout_tracks, film.holdout_start = "0", 5
+        for choice, frames, cameras in (("FRAMES", True, False), ("TRACKS", False, True), ("BOTH", True, True)):
+            film.holdout_of_images = choice
+            self.assertEqual((self.shown("holdout_start"), self.shown("holdout_tracks")), (frames, cameras))
+        document, folder = self.document("fit")
+        self.assertEqual(document["captures"][1]["holdout"], {"frames": [5, 7], "cameras": [0]})
+        native.validate(document, folder)
+        film.holdout_tracks = ""
+        with self.assertRaisesRegex(JobError, "no camera is named"):
+            self.written()
 
     def test_held_out_whole(self):
         """As it was chosen for another source: it is shown, and refused."""
@@ -123,6 +141,60 @@ class HoldOutTest(ImageFitCase):
         self.assertIn("Images are held out by frames or by cameras", texts(capture_panel.MATTERFIT_PT_capture))
         with self.assertRaisesRegex(JobError, "Choose Last Frames, or Cameras and name them"):
             self.written()
+
+
+class CurveTest(ImageFitCase):
+    """Two searches for the throw, of which the first is told to end, and one for all that has begun."""
+
+    STEPS = (("throw", 1, 400.0), ("throw", 2, 100.0), ("throw", 2, 100.0), ("throw", 1, 900.0),
+             ("wide", 1, 50.0), ("wide", 2, 2.0))
+
+    def setUp(self):
+        super().setUp()
+        self.use(False, True)
+
+    def running(self):
+        """Such a fit; the folder of it."""
+        self.fitted()
+        folder = self.run_folder
+        fake_fit.write_history(folder, [{"stage": stage, "iteration": iteration, "cost": cost, "values": []}
+                                        for stage, iteration, cost in self.STEPS])
+        jobs.registry.add(jobs.Job("Fit", lambda: Backend(frames=[1] * 1000), folder=folder)).start()
+        return folder
+
+    def test_each_search_is_compared_with_its_own_first_step(self):
+        found = fit_overlay.live_curve(self.running())
+        self.assertEqual([(segment.stage, segment.places, segment.errors) for segment in found],
+                         [("throw", [0, 1, 2], [1.0, 0.5, 0.5]), ("throw", [3], [1.0]), ("wide", [4, 5], [1.0, 0.2])])
+
+    def test_what_the_panel_and_the_viewport_say(self):
+        self.running()
+        self.assertIn("wide: misfit 20 % of the search's first step", texts(fit_panel.MATTERFIT_PT_fit))
+        with mock.patch.object(drawing, "Graph") as graph:
+            self.assertEqual(fit_overlay.draw(bpy.context, False), 1)
+        self.assertEqual(graph.return_value.curve.call_count, 3)
+        graph.return_value.labels.assert_called_once_with(
+            "Fit: wide", "100 %", "20 %", "misfit 20 % of the search's first step")
+        self.fit.show_history = False
+        self.assertEqual(fit_overlay.draw(bpy.context, False), 0)
+
+
+class NativeTest(ImagesCase):
+    @needs_library
+    def test_a_fit_of_the_library_has_a_curve(self):
+        self.jelly()
+        self.scene.frame_end = 3
+        bpy.ops.matterfit.import_images(filepath=self.clip(), cameras=False)
+        for k in range(3):
+            write_square(os.path.join(self.folder, "clip", f"c0_{k}.png"), (10, 15), (14, 19))
+        fit = self.settings.fit
+        for row in fit.parameters:
+            row.enabled = row.key == "velocity"
+        fit.iterations = 2
+        self.assertEqual(bpy.ops.matterfit.fit(), {"FINISHED"}, self.error())
+        found = fit_overlay.curve(takes.locate(fit.run).folder)
+        self.assertEqual({segment.of_images for segment in found}, {True})
+        self.assertTrue(all(segment.errors[0] == 1.0 for segment in found))
 
 
 class ResultTest(ImageFitCase):

@@ -108,7 +108,7 @@ class CutTest(SceneCase):
         capture.poses = '[{"shift": [0.0123, 0, 0], "turn": [0.02, 0, 0], "focal": 0.01}]'
         for source in ("OBJECT", "FILE", "IMAGES"):
             capture.source = source
-            for holdout in ("NONE", "FRAMES", "TRACKS"):
+            for holdout in ("NONE", "FRAMES", "TRACKS", "BOTH"):
                 capture.holdout = holdout
                 self.check(f", {source}, {holdout}")
         capture.unit = "CUSTOM"

@@ -6,7 +6,9 @@ import os
 
 import bpy
 import numpy
-from matterfit.io import blender_cameras, files, lost, takes
+from matterfit import jobs
+from matterfit.io import blender_cameras, files, job_render, lost, takes
+from matterfit.ops import launch
 from support import needs_library, run_cli, tree
 from test_images import HEIGHT, WIDTH, ImagesCase
 
@@ -205,12 +207,99 @@ class RenderTakeTest(ImagesCase):
 
     @needs_library
     def test_a_bake_into_a_new_take(self):
-        """The pictures of the first stay, and are shown."""
+        """The pictures of the first stay, and are shown with it."""
         self.rendered()
         self.settings.bodies[0].velocity = (1.0, 0.0, 0.0)
         bpy.ops.matterfit.bake(onto="NEW")
         self.assertEqual(len(self.settings.takes), 2)
+        self.assertEqual(self.drawn(), [])
+        self.settings.take_index = 0
         self.assertEqual(len(self.drawn()), 1)
+
+    def seen(self, camera):
+        """The takes, from 0, whose pictures are seen in a view, and 'photograph' for another."""
+        folders = [takes.locate(take).folder + os.sep for take in self.settings.takes]
+        found = []
+        for shown in camera.data.background_images:
+            if shown.show_background_image:
+                path = files.absolute(shown.image.filepath)
+                found.append(next((index for index, folder in enumerate(folders) if path.startswith(folder)),
+                                  shown.image.name))
+        return found
+
+    def two_takes(self):
+        """Take 0 drawn through two cameras, which are returned, take 1 through the second alone."""
+        first = self.scene.camera
+        self.photograph()
+        bpy.ops.matterfit.render_take()
+        second = self.second()
+        self.assertEqual(bpy.ops.matterfit.render_take(), {"FINISHED"}, self.error())
+        bpy.ops.matterfit.add_take()
+        self.settings.bodies[0].velocity = (0.0, 0.0, 3.0)
+        self.assertEqual((self.seen(first), self.seen(second)), (["photograph"], []))
+        self.assertEqual(bpy.ops.matterfit.render_take(), {"FINISHED"}, self.error())
+        return first, second
+
+    @needs_library
+    def test_views_follow_the_active_take(self):
+        first, second = self.two_takes()
+        for index, wanted in ((1, (["photograph"], [1])), (0, (["photograph", 0], [0])),
+                              (1, (["photograph"], [1])), (0, (["photograph", 0], [0]))):
+            self.settings.take_index = index
+            self.assertEqual((self.seen(first), self.seen(second)), wanted)
+        # As they are saved.
+        bpy.ops.wm.save_mainfile()
+        self.reopen()
+        first, second = (self.scene.objects[camera] for camera in ("Camera", "Side"))
+        self.settings.take_index = 1
+        self.assertEqual((self.seen(first), self.seen(second)), (["photograph"], [1]))
+        # The one that is left is seen.
+        self.assertEqual(bpy.ops.matterfit.remove_take(), {"FINISHED"}, self.error())
+        self.assertEqual((self.seen(first), self.seen(second)), (["photograph", 0], [0]))
+        self.assertEqual(len(second.data.background_images), 1)
+
+    @needs_library
+    def test_a_photograph_stays_in_front_of_another_take(self):
+        """What Photograph or Splats has chosen holds for all takes, also past one without pictures."""
+        first, _second = self.two_takes()
+        self.scene.camera = first
+        self.assertFalse(bpy.ops.matterfit.flip_photograph.poll())
+        self.settings.take_index = 0
+        bpy.ops.matterfit.flip_photograph()
+        for index in (0, 1, 0):
+            self.settings.take_index = index
+            self.assertEqual(self.seen(first), ["photograph"])
+        bpy.ops.matterfit.flip_photograph()
+        self.assertEqual(self.seen(first), [0])
+
+    @needs_library
+    def test_a_take_that_is_drawn_while_another_is_active(self):
+        """Its pictures are kept for it, and take the place of none of the other's."""
+        first, second = self.two_takes()
+        self.settings.take_index = 0
+        take = self.settings.takes[1]
+        folder, result = takes.locate(take).folder, jobs.registry.current.result
+        for data in (first.data, second.data):
+            for shown in list(data.background_images):
+                if shown.image.get(blender_cameras.AWAY):
+                    blender_cameras.remove_background(data, shown.image)
+        job_render.show(self.scene, folder, launch.written_document(folder)["render"], result)
+        self.assertEqual((self.seen(first), self.seen(second)), (["photograph", 0], [0]))
+        self.settings.take_index = 1
+        self.assertEqual((self.seen(first), self.seen(second)), (["photograph"], [1]))
+
+    @needs_library
+    def test_a_linked_take_that_is_removed(self):
+        """Its files are another's and stay; its pictures are seen no more."""
+        first, second = self.two_takes()
+        self.save("other.blend")
+        self.settings.take_index = 0
+        folder = takes.locate(self.settings.takes[0]).folder
+        self.assertTrue(takes.locate(self.settings.takes[0]).linked)
+        self.assertEqual(bpy.ops.matterfit.remove_take(), {"FINISHED"}, self.error())
+        self.assertEqual((self.seen(first), self.seen(second)), (["photograph"], [0]))
+        self.assertEqual(len(second.data.background_images), 1)
+        self.assertTrue(os.path.isdir(os.path.join(folder, "render")))
 
     @needs_library
     def test_pictures_that_go_with_the_cache(self):

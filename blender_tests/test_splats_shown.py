@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Gaussian splats as ellipsoids in the viewport; drawn, cropped, and in turn with photographs."""
 
+import gzip
 import math
 import os
 import struct
@@ -205,6 +206,27 @@ class DrawnTest(SplatsCase):
                          {"FINISHED"}, self.error())
         image = blender_cameras.backgrounds(self.view)[1][0].image
         return numpy.array(image.pixels[:]).reshape(HEIGHT, WIDTH, 4)
+
+    @needs_library
+    def test_up_as_the_format_says(self):
+        """y points up in a .spz, unless another axis was chosen; of other files as in most trained scenes."""
+        kind = bpy.ops.matterfit.render_splats.get_rna_type().properties["up"]
+        self.assertEqual((kind.default, kind.is_skip_save), ("AUTO", True))
+        spz = self.spz((0.0, 0.5, 0.0))
+        for path, options, seen in ((self.path, {}, True), (spz, {}, True), (spz, {"up": "-Y"}, False)):
+            self.assertEqual(bpy.ops.matterfit.render_splats(filepath=path, **options), {"FINISHED"}, self.error())
+            image = blender_cameras.backgrounds(self.view)[1][0].image
+            pixels = numpy.array(image.pixels[:]).reshape(HEIGHT, WIDTH, 4)
+            self.assertEqual(pixels[HEIGHT // 2, WIDTH // 2, 0] > 0.5, seen, (path, options))
+
+    def spz(self, place):
+        """A file of that format with one red ball."""
+        path = os.path.join(self.folder, "ball.spz")
+        parts = b"".join(int(round(4096 * value)).to_bytes(3, "little", signed=True) for value in place)
+        with gzip.open(path, "wb") as file:  # opacity, colour, sizes, turn
+            file.write(struct.pack("<IIIBBBB", 0x5053474e, 2, 1, 0, 12, 0, 0) + parts
+                       + bytes((255, 255, 0, 0, 112, 112, 112, 128, 128, 128)))
+        return path
 
     @needs_library
     def test_opacity_and_crop(self):

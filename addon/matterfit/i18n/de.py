@@ -351,6 +351,7 @@ TEXTS = {
     "Last Frames": "Letzte Bilder",
     "Whole Capture": "Ganze Aufnahme",
     "Points": "Punkte",
+    "Both": "Beides",
     "From": "Ab",
     "Error [mm]": "Fehler [mm]",
     "Before": "Vorher",

@@ -34,6 +34,13 @@ TEXTS = {
     "draws new ones.":
         "Die Bilder, die Render Take von dem zeichnete, was der Take vorher enthielt, sind gelöscht, auch hinter der "
         "Ansicht der Kamera. Render Take zeichnet neue.",
+    "Needs recordings that follow the same points through time. Set Loss in Fit to Tracks, and disable captures by "
+    "images.":
+        "Braucht Aufnahmen, die denselben Punkten durch die Zeit folgen. Abweichung in Anpassen auf Spuren setzen, "
+        "und Aufnahmen aus Bildern abschalten.",
+    "misfit {share} % of the search's first step": "Abweichung {share} % vom ersten Schritt der Suche",
+    "{stage}: misfit {share} % of the search's first step":
+        "{stage}: Abweichung {share} % vom ersten Schritt der Suche",
     "Show Splats": "Splats zeigen",
     "Hide Splats": "Splats verbergen",
     "Render Splats": "Splats zeichnen",

@@ -20,7 +20,8 @@ SAME = 1e-4  # of a camera's matrix and lens, beside where it is told to stand
 CAPTURE, NUMBER, PLACE, LENS = ("matterfit_capture", "matterfit_camera", "matterfit_place",
                                 "matterfit_lens")
 
-DRAWN = "matterfit_drawn"  # on an image: what Render Splats has drawn
+DRAWN = "matterfit_drawn"  # on an image: what Render Splats or Render Take has drawn
+AWAY = "matterfit_away"  # on an image of a take that is not the active one: whether it was seen before
 
 
 def image_size(scene):
@@ -169,11 +170,12 @@ def set_overlays(camera, paths):
     data.show_background_images = True
     ours = [shown for shown in data.background_images
             if shown.image is not None and shown.display_depth == "FRONT"
-            and shown.image.source == "SEQUENCE"]
+            and shown.image.source == "SEQUENCE" and AWAY not in shown.image]
     shown = ours[0] if ours else data.background_images.new()
     shown.image = image
     shown.alpha = 1.0
     shown.display_depth = "FRONT"
+    shown.show_background_image = True
     _follow_frames(shown.image_user, first, first, last - first + 1)
 
 
@@ -250,12 +252,13 @@ def set_background(camera, image):
     data = camera.data
     data.show_background_images = True
     ours = [shown for shown in data.background_images if shown.image == image]
-    if image.get(DRAWN):
+    if image.get(DRAWN) and not ours:
         ours = backgrounds(camera)[1]
     shown = ours[0] if ours else data.background_images.new()
     shown.image = image
     shown.alpha = 1.0
     shown.display_depth = "BACK"
+    shown.show_background_image = True
     return shown
 
 
@@ -269,9 +272,11 @@ def remove_background(data, image):
 
 
 def backgrounds(camera):
-    """(photographs, drawn splats) among what is shown behind a camera's view."""
+    """(photographs, drawn splats) among what is shown behind a camera's view; not of takes that are not the
+    active one."""
     found = [shown for shown in camera.data.background_images
-             if shown.display_depth == "BACK" and (shown.image is not None or shown.clip is not None)
+             if shown.display_depth == "BACK" and (shown.clip is not None or shown.image is not None
+                                                   and AWAY not in shown.image)
              ] if camera is not None and camera.type == "CAMERA" else []
     drawn = [shown for shown in found if shown.image is not None and shown.image.get(DRAWN)]
     return [shown for shown in found if shown not in drawn], drawn

@@ -250,25 +250,50 @@ def history_stamp(folder):
 
 @dataclass
 class Segment:
-    """A stretch of the curve: one stage of one law. `places` count the lines of the history."""
+    """A stretch of the curve: one stage of one law, of a fit to images one search. `places` count the lines of
+    the history."""
 
     stage: str
     law: str
     places: list = field(default_factory=list)
-    errors: list = field(default_factory=list)  # rms [mm]
+    errors: list = field(default_factory=list)  # rms [mm]; of images the misfit over that of the first step
+    of_images: bool = False
 
 
 def segments(entries):
     """The accepted iterations of a history as Segments, that of the last one at the end; refused
     steps, and laws that are fitted side by side, leave gaps in `places`."""
+    if not any("rms_mm" in entry for entry in entries):
+        return _searches(entries)
     found = {}
     for place, entry in enumerate(entries):
         stage, law = str(entry.get("stage", "")), str(entry.get("law", ""))
         segment = found.setdefault((stage, law), Segment(stage, law))
         rms = entry.get("rms_mm")
-        usable = isinstance(rms, int | float) and math.isfinite(rms) and rms > 0.0
-        if entry.get("accepted", True) and usable:
+        if entry.get("accepted", True) and _above_zero(rms):
             segment.places.append(place)
             segment.errors.append(float(rms))
     return sorted((segment for segment in found.values() if segment.places),
                   key=lambda segment: segment.places[-1])
+
+
+def _searches(entries):
+    """Those of a fit to images, which tells no error in mm. Each of its searches has residuals of its own, of
+    other frames or another blur: the root of its cost is compared with that after its first step."""
+    found, first, last = [], 1.0, None
+    for place, entry in enumerate(entries):
+        stage, iteration, cost = str(entry.get("stage", "")), entry.get("iteration", 0), entry.get("cost")
+        if not _above_zero(cost):
+            continue
+        # The step by which a search ends is told twice.
+        if last is None or stage != last[0] or iteration <= last[1] and cost != last[2]:
+            found.append(Segment(stage, "", of_images=True))
+            first = cost
+        found[-1].places.append(place)
+        found[-1].errors.append(math.sqrt(cost / first))
+        last = stage, iteration, cost
+    return found
+
+
+def _above_zero(value):
+    return isinstance(value, int | float) and math.isfinite(value) and value > 0.0

@@ -118,17 +118,22 @@ class CapturePart:
             document["start_frame"] = number(capture.start_frame)
         if capture.use_noise:
             document["noise"] = number(capture.noise * writer.scale)
-        if capture.holdout == "FRAMES":
-            document["holdout"] = held_out_frames(capture, writer, self.where)
-        elif capture.holdout == "CAPTURE":
-            document["holdout"] = {"capture": True}
-        elif capture.holdout == "TRACKS":
-            tracks = point_names(capture.holdout_tracks)
-            if not tracks:
+        holdout = self._holdout()
+        if holdout:
+            document["holdout"] = holdout
+        return document
+
+    def _holdout(self):
+        capture = self.capture
+        if capture.holdout == "CAPTURE":
+            return {"capture": True}
+        found = held_out_frames(capture, self.writer, self.where)
+        if capture.holds_out_tracks:
+            found["tracks"] = point_names(capture.holdout_tracks)
+            if not found["tracks"]:
                 raise JobError(f"{self.where}: no point is named to be held out. Name some, "
                                "separated by commas, or choose another Hold-out.")
-            document["holdout"] = {"tracks": tracks}
-        return document
+        return found
 
     def _align(self):
         """The rigid transform from the markers' quiet places to the empties of the same names."""
@@ -162,7 +167,9 @@ def reading_options(capture):
 
 
 def held_out_frames(capture, writer, where):
-    """From the frame that is typed to the last one; JobError where that is none."""
+    """From the frame that is typed to the last one, where frames are held out; JobError where that is none."""
+    if not capture.holds_out_frames:
+        return {}
     if capture.holdout_start >= writer.end:
         raise JobError(translate(
             "{where}: the hold-out starts at frame {n}, after the last frame {last}. Set From, below "

@@ -187,12 +187,11 @@ class ImagePart:
         return self.writer.external(self.capture.filepath, self.where)
 
     def _holdout(self):
-        capture, writer = self.capture, self.writer
-        if capture.holdout == "FRAMES":
-            return job_captures.held_out_frames(capture, writer, self.where)
-        if capture.holdout == "TRACKS":
-            return {"cameras": camera_numbers(capture.holdout_tracks, self.where)}
+        capture = self.capture
         if capture.holdout == "CAPTURE":
             raise JobError(f"{self.where}: images are held out by frames or by cameras. Choose "
                            "Last Frames, or Cameras and name them.")
-        return None
+        found = job_captures.held_out_frames(capture, self.writer, self.where)
+        if capture.holds_out_tracks:
+            found["cameras"] = camera_numbers(capture.holdout_tracks, self.where)
+        return found

@@ -8,7 +8,7 @@ import re
 import bpy
 
 from ..jobs import JobError
-from . import blender_cameras, camera_capture, camera_frames, files, job_writer, transforms
+from . import blender_cameras, camera_capture, camera_frames, files, job_writer, take_pictures, takes, transforms
 from .nodes import relative_path
 
 CAMERAS = "render_camera"
@@ -76,10 +76,11 @@ def _place(camera, folder):
 
 
 def show(scene, folder, render, result):
-    """Shows the pictures of a finished render behind what each camera sees, each at its frame. `render`: the
-    document's. Returns the names of the cameras from behind whose views it has taken such as are another's
-    now, or removed."""
+    """Shows the pictures of a finished render behind what each camera sees, each at its frame, while its take
+    is the active one. `render`: the document's. Returns the names of the cameras from behind whose views it has
+    taken such as are another's now, or removed."""
     found, drawn, said = {}, [], []
+    take_pictures.show_of(scene.matterfit, takes.find(folder)[1])  # its pictures replace those of no other
     for path in result["render"]["files"]:
         found.setdefault(os.path.basename(os.path.dirname(path)), []).append(path)
     for camera, number in _drawn_through(scene, folder, render):
@@ -102,6 +103,7 @@ def show(scene, folder, render, result):
                 blender_cameras.remove_background(data, image)
                 said.append(data.name)
     hide_removed(folder)
+    take_pictures.show_active(scene.matterfit)
     return said
 
 

@@ -40,19 +40,17 @@ class Size:
     wires: bool = False
 
     def most_particles(self, separation):
-        """To how many particles the body is filled at most: part of a layer takes a whole one, across
-        a wall or a wire that is thin as across the longer sides of the box, and both ends of what is
-        thin may lie in parts that do."""
+        """To how many particles the body is filled at most: part of a layer takes a whole one, and at
+        both ends of a wall or a wire that is thin one may."""
         thickness, (_least, middle, longest) = min(self.thickness, *self.sides), sorted(self.sides)
         lengths = (thickness, thickness if self.wires else middle, longest)
         layers = [max(length / separation, 1e-6) for length in lengths]
         whole = [numpy.ceil(count - 1e-3) for count in layers]
-        if self.wires:  # where cells meet it is in both
+        if self.wires:
             whole[:2] = numpy.maximum(numpy.ceil(numpy.add(layers[:2], BOTH_ENDS - 1e-3)), 2.0)
         elif thickness < THIN * middle:  # in the mean over where it lies
             whole[0] = max(whole[0], layers[0] + BOTH_ENDS)
-        more = numpy.prod(numpy.divide(whole, layers))
-        return self.volume * float(more) / separation**3
+        return self.volume * float(numpy.prod(numpy.divide(whole, layers))) / separation**3
 
 
 @reactions.separation_typed.done_by

@@ -8,6 +8,7 @@ from .. import jobs
 from ..compat import translate
 from ..io import words
 from ..jobs import JobError
+from ..props import scene as scene_props
 
 
 def session(context):
@@ -82,6 +83,17 @@ class NoJobRunning:
     def poll(cls, context):
         return greyed(cls, jobs.registry.running is not None,
                       "Another job is running: cancel it first")
+
+
+class NeedsTracks(NoJobRunning):
+    """Greyed, with the reason, where a recording that is used is of images or of clouds without correspondence."""
+
+    @classmethod
+    def poll(cls, context):
+        return super().poll(context) and greyed(
+            cls, not scene_props.follow_points(context.scene.matterfit),
+            "Needs recordings that follow the same points through time. Set Loss in Fit to Tracks, and disable "
+            "captures by images.")
 
 
 class PlainOperator:

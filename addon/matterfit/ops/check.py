@@ -11,12 +11,12 @@ from ..compat import translate
 from ..io import check, fit_rows, job_document, takes
 from ..jobs import JobError
 from ..props import scene as scene_props
-from .base import greyed, session
+from .base import NeedsTracks, greyed, session
 from .job_operator import JobOperator
 from .launch import counted
 
 
-class MATTERFIT_OT_check_fit(JobOperator, bpy.types.Operator):
+class MATTERFIT_OT_check_fit(NeedsTracks, JobOperator, bpy.types.Operator):
     bl_idname = "matterfit.check_fit"
     bl_label = "Check"
     bl_description = ("Report before a fit what this recording will identify: each value and to what "
@@ -31,10 +31,6 @@ class MATTERFIT_OT_check_fit(JobOperator, bpy.types.Operator):
         native.require()
         scene = context.scene
         settings = scene.matterfit
-        if settings.fit.loss != "TRACKS" or scene_props.has_images(settings):
-            raise JobError(translate(
-                "Check: needs recordings that follow the same points through time. Set Loss to "
-                "Tracks, and disable captures by images."))
         fit_rows.refresh(settings)
         # Nothing of it belongs to a cache: what was fitted keeps its document and inputs.
         holder = tempfile.TemporaryDirectory(prefix="matterfit_")

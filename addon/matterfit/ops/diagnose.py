@@ -14,11 +14,11 @@ from ..jobs import JobError
 from ..props import compare
 from ..props import scene as scene_props
 from ..props.diagnosis import set_ignored
-from .base import NoJobRunning, PlainOperator, greyed, session
+from .base import NeedsTracks, NoJobRunning, PlainOperator, greyed, session
 from .fit import FitJob
 
 
-class MATTERFIT_OT_diagnose(FitJob, bpy.types.Operator):
+class MATTERFIT_OT_diagnose(NeedsTracks, FitJob, bpy.types.Operator):
     bl_idname = "matterfit.diagnose"
     bl_label = "Diagnose"
     bl_description = ("Find what the fitted simulation gets wrong beyond noise and grid, name the "
@@ -30,11 +30,6 @@ class MATTERFIT_OT_diagnose(FitJob, bpy.types.Operator):
     resume_operator = "matterfit.diagnose"
 
     def begin(self, context):
-        settings = context.scene.matterfit
-        if settings.fit.loss != "TRACKS" or scene_props.has_images(settings):
-            raise JobError(translate(
-                "Diagnose: needs recordings that follow the same points through time. Set Loss in "
-                "Fit to Tracks, and disable captures by images."))
         return (yield from self.begin_at_scene(context, translate("Diagnose {name}")))
 
     def ended(self, context, job):

@@ -44,6 +44,10 @@ class MATTERFIT_OT_show_splats(PlainOperator, bpy.types.Operator):
             space.shading.color_type = "VERTEX"
 
 
+_UP_OF_FILE = ("AUTO", "From File", "Y of a .spz file, by its format; −Y of others, as in most trained scenes",
+               "NONE", 3)
+
+
 class MATTERFIT_OT_render_splats(JobOperator, bpy.types.Operator, ImportHelper):
     bl_idname = "matterfit.render_splats"
     bl_label = "Render Splats"
@@ -52,8 +56,8 @@ class MATTERFIT_OT_render_splats(JobOperator, bpy.types.Operator, ImportHelper):
 
     filter_glob: StringProperty(default=";".join("*" + kind for kind in splat_files.KINDS),
                                 options={"HIDDEN"})
-    up: EnumProperty(name="Up Axis", items=choices.FILE_UP_AXES, default="-Y",
-                     description="What points up in the file")
+    up: EnumProperty(name="Up Axis", items=(_UP_OF_FILE, *choices.FILE_UP_AXES), default="AUTO",
+                     options={"SKIP_SAVE"}, description="What points up in the file")
     scale: FloatProperty(name="Scale", default=1.0, min=1e-9, soft_min=1e-3, max=1e9, soft_max=1e3,
                          precision=4, description="Metres that one unit of the file stands for")
     crop: StringProperty(name="Crop Box", description="Gaussians outside of this object's bounds, along the "
@@ -86,15 +90,15 @@ class MATTERFIT_OT_render_splats(JobOperator, bpy.types.Operator, ImportHelper):
         if os.path.splitext(path)[1].lower() not in splat_files.KINDS or not os.path.isfile(path):
             raise JobError(translate("{path}: splats are {kinds} files. Choose one of them.").format(
                 path=path, kinds=", ".join(splat_files.KINDS)))
-        scene = context.scene
-        world = transforms.upright(self.up).to_matrix().to_4x4().inverted()
+        scene, up = context.scene, self._up(path)
+        world = transforms.upright(up).to_matrix().to_4x4().inverted()
         folder = tempfile.mkdtemp(prefix="matterfit_splats_", dir=bpy.app.tempdir or None)
         shot = blender_cameras.shot(scene, scene.camera, "view", world,
                                     scene.unit_settings.scale_length / self.scale)
         files.write_json(os.path.join(folder, "transforms.json"), {"frames": [shot]})
         render = {"cameras": "transforms.json", "gaussians": path}
         if self.crop:
-            render["crop"] = self._crop(context)
+            render["crop"] = self._crop(context, up)
         if self.opacity_threshold > 0.0:
             render["opacity_threshold"] = number(self.opacity_threshold)
         document = {"schema": "matterfit.job/1", "task": "render", "render": render,
@@ -107,7 +111,13 @@ class MATTERFIT_OT_render_splats(JobOperator, bpy.types.Operator, ImportHelper):
 
         return jobs.Job(translate("Render Splats"), start, folder=folder)
 
-    def _crop(self, context):
+    def _up(self, path):
+        """The axis that is chosen, or that of the file's format."""
+        if self.up != "AUTO":
+            return self.up
+        return "Y" if choices.has_y_up(path) else "-Y"
+
+    def _crop(self, context, up):
         """Where the object stands now."""
         item = context.scene.objects.get(self.crop)
         if item is None:
@@ -116,7 +126,7 @@ class MATTERFIT_OT_render_splats(JobOperator, bpy.types.Operator, ImportHelper):
         place = job_writer.Place()
         place.sample(item, context.evaluated_depsgraph_get())
         box = place.box(transforms.metres(context.scene))
-        return splat_files.crop(box, self.up, self.scale, item.name, translate("Render Splats"))
+        return splat_files.crop(box, up, self.scale, item.name, translate("Render Splats"))
 
     def ended(self, context, job):
         image = bpy.data.images.load(os.path.join(job.folder, "out", "render", "camera_0.png"))

@@ -39,7 +39,7 @@ def _splats_changed(self, _context):
 def _source_changed(self, _context):
     """A .spz file says by its format that y points up: so does the row, until somebody says otherwise."""
     if not reactions.rewriting():
-        spz = self.source == "GAUSSIANS" and self.filepath.lower().endswith(".spz")
+        spz = self.source == "GAUSSIANS" and choices.has_y_up(self.filepath)
         if spz and not self.is_property_set("file_up"):
             self.file_up = "Y"
             self.up_of_file = True

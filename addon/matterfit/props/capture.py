@@ -42,7 +42,9 @@ def _moved(self, context):
 # How images are held out, with the numbers that `holdout` has for it.
 _HELD_OUT_IMAGES = (("NONE", "Nothing", "Everything is used", 0),
                     ("FRAMES", "Last Frames", "The frames at the end are kept for testing", 1),
-                    ("TRACKS", "Cameras", "The cameras below are kept for testing", 3))
+                    ("TRACKS", "Cameras", "The cameras below are kept for testing", 3),
+                    ("BOTH", "Both", "The frames at the end, of all cameras, and all frames of the cameras "
+                                     "below are kept for testing", 4))
 
 
 def _held_out_number(self):
@@ -197,10 +199,12 @@ class MatterfitCapture(bpy.types.PropertyGroup):
                     "usual")
     holdout: EnumProperty(
         name="Hold-out", default="NONE", update=_list_outdated,
-        items=(("NONE", "Nothing", "Everything is used"),
-               ("FRAMES", "Last Frames", "The frames at the end are kept for testing"),
-               ("CAPTURE", "Whole Capture", "This capture is only used for testing"),
-               ("TRACKS", "Points", "The points, or cameras of images, below are kept for testing")),
+        items=(("NONE", "Nothing", "Everything is used", 0),
+               ("FRAMES", "Last Frames", "The frames at the end are kept for testing", 1),
+               ("TRACKS", "Points", "The points, or cameras of images, below are kept for testing", 3),
+               ("BOTH", "Both", "The frames at the end, of all points, and all frames of the points below "
+                                "are kept for testing", 4),
+               ("CAPTURE", "Whole Capture", "This capture is only used for testing", 2)),
         description="What is kept back to test a fit with")
     holdout_of_images: EnumProperty(
         name="Hold-out", items=_HELD_OUT_IMAGES, get=_held_out_number, set=_hold_out_by_number,
@@ -214,6 +218,15 @@ class MatterfitCapture(bpy.types.PropertyGroup):
 
     summary: StringProperty(
         name="Summary", description="What the file contains, one finding a line")
+
+    @property
+    def holds_out_frames(self):
+        return self.holdout in ("FRAMES", "BOTH")
+
+    @property
+    def holds_out_tracks(self):
+        """Points, or cameras of images."""
+        return self.holdout in ("TRACKS", "BOTH")
 
 
 CLASSES = (MatterfitCapture,)

@@ -53,6 +53,12 @@ FILE_UP_AXES = (
     ("-Y", "−Y (COLMAP)", "Y points down, as in most trained scenes", "NONE", 2),
 )
 
+
+def has_y_up(path):
+    """Whether a file of splats says by its format that y points up; others do not say what does."""
+    return path.lower().endswith(".spz")
+
+
 SPLAT_FORMATS = (
     ("PLY", ".ply", "As trainers write it: every number as it is"),
     ("SPLAT", ".splat", "A seventh of the size and less; colours and opacities rounded to 1/255, and the same "

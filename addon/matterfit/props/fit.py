@@ -150,7 +150,8 @@ class MatterfitFit(bpy.types.PropertyGroup):
     done: BoolProperty(name="Fitted", default=False, description="A fit has left a result")
     show_history: BoolProperty(
         name="Loss Curve", default=True, update=redraw,
-        description="Draw the error of every iteration in the viewport")
+        description="Draw the error of every iteration in the viewport; of a fit to images the misfit, as a share "
+                    "of that after the first step of each search")
     show_error: BoolProperty(
         name="Fit's Error", default=True, update=redraw,
         description="Draw the fitted simulation's error of every frame in the viewport")

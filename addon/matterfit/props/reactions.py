@@ -38,6 +38,7 @@ capture_moved = Reaction()  # (capture): its location or rotation is another one
 surface_restyled = Reaction()  # (settings): smoothing or offset of surfaces
 grains_restyled = Reaction()  # (settings): how many grains a particle of sand is shown as
 take_switched = Reaction()  # (settings): another take is the active one
+pictures_switched = Reaction()  # (settings): the same, for what is shown of takes in the views of cameras
 comparison_switched = Reaction()  # (settings): another take or capture is the active one
 batch_result_chosen = Reaction()  # (settings): a row of a batch's results is the active one
 

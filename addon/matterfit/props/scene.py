@@ -28,6 +28,7 @@ SCHEMA_VERSION = 4
 
 def _take_switched(self, context):
     reactions.take_switched(self)
+    reactions.pictures_switched(self)
     reactions.comparison_switched(self)
     compare.redraw(self, context)
 
@@ -121,6 +122,11 @@ def by_images_alone(settings):
     """Whether all recordings that are used are images, whose fits have no loss to choose either."""
     return has_images(settings) and all(
         capture.source == "IMAGES" for capture in settings.captures if capture.enabled)
+
+
+def follow_points(settings):
+    """Whether all recordings that are used are compared by the same points through time."""
+    return settings.fit.loss == "TRACKS" and not has_images(settings)
 
 
 def active_capture(settings):

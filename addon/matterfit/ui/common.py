@@ -121,9 +121,9 @@ def holdout(column, capture):
     images = capture.source == "IMAGES"
     # One of another source may be held out whole, which images are not.
     column.prop(capture, "holdout_of_images" if images and capture.holdout != "CAPTURE" else "holdout")
-    if capture.holdout == "FRAMES":
+    if capture.holds_out_frames:
         column.prop(capture, "holdout_start")
-    elif capture.holdout == "TRACKS":
+    if capture.holds_out_tracks:
         column.prop(capture, "holdout_tracks", text="Cameras" if images else "Points")
-    elif capture.holdout == "CAPTURE" and images:
+    if capture.holdout == "CAPTURE" and images:
         lines(column, translate("Images are held out by frames or by cameras."), icon="ERROR")

@@ -134,9 +134,8 @@ class MATTERFIT_PT_fit(MatterfitPanel, bpy.types.Panel):
             self._progress(layout, running)
         if jobs.registry.running is not None:
             layout.operator("matterfit.cancel", icon="CANCEL")
+        form(layout).prop(fit, "show_history")
         location = takes.locate(fit.run)
-        if not scene_props.has_images(context.scene.matterfit) or fit_overlay.has_curve(location.folder):
-            form(layout).prop(fit, "show_history")
         if location.shared:
             lines(layout, translate("Linked, read-only: the fit of the scene that was copied. Fit "
                                     "makes a cache of this scene's own."), icon="LINKED")
@@ -149,8 +148,12 @@ class MATTERFIT_PT_fit(MatterfitPanel, bpy.types.Panel):
         if not segments:
             return
         newest = segments[-1]
-        words = translate("{stage}: rms {error} mm").format(stage=newest.stage,
-                                                            error=f"{newest.errors[-1]:.4g}")
+        if newest.of_images:
+            words = translate("{stage}: misfit {share} % of the search's first step").format(
+                stage=newest.stage, share=fit_overlay.percent(newest.errors[-1]))
+        else:
+            words = translate("{stage}: rms {error} mm").format(stage=newest.stage,
+                                                                error=f"{newest.errors[-1]:.4g}")
         if newest.law:
             words = f"{laws.name_of(newest.law)}, {words}"
         lines(layout.box(), words, icon="TIME", taken=BOX)

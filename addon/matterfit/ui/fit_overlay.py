@@ -5,7 +5,7 @@ the 3D View above the graph of Compare."""
 import os
 
 from .. import jobs, laws
-from ..compat import translate_label
+from ..compat import translate, translate_label
 from ..io import comparison, error_bands, files, fit_results, takes
 from ..jobs import JobError
 from ..props import scene as scene_props
@@ -42,11 +42,6 @@ def curve(folder):
     """The Segments of a fit's history, read again when it has grown."""
     return _once("curve", (folder, fit_results.history_stamp(folder)),
                  lambda: fit_results.segments(fit_results.history(folder)))
-
-
-def has_curve(folder):
-    """Whether there is anything to draw: fits to images tell no error in mm."""
-    return bool(folder) and bool(curve(folder))
 
 
 def live_curve(folder):
@@ -110,8 +105,17 @@ def _draw_curve(rectangle, scale, segments):
         title = f"{_law_name(newest.law)}: {title}"
         graph.legend([(_law_name(law), COLORS[index % len(COLORS)])
                       for index, law in enumerate(laws)])
-    graph.labels(f"{translate_label('Fit')}: {title}", f"{high:.3g} mm", f"{low:.3g} mm",
-                 f"rms {newest.errors[-1]:.4g} mm")
+    title = f"{translate_label('Fit')}: {title}"
+    if newest.of_images:
+        graph.labels(title, f"{percent(high)} %", f"{percent(low)} %",
+                     translate("misfit {share} % of the search's first step").format(
+                         share=percent(newest.errors[-1])))
+    else:
+        graph.labels(title, f"{high:.3g} mm", f"{low:.3g} mm", f"rms {newest.errors[-1]:.4g} mm")
+
+
+def percent(share):
+    return f"{100.0 * share:.3g}"
 
 
 def _law_name(law):

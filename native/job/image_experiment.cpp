@@ -32,54 +32,69 @@ ImageExperiment::ImageExperiment(const Job& job, const FitDoc& fit, const RunOpt
                                  std::vector<std::string>& statements)
     : job_(job), doc_(fit), options_(options), interrupter_(interrupter) {
   loaded_ = job.captures.empty() ? unread_experiment(job) : load_experiment(job, statements, true);
-  Arena arena(options.threads);
-  std::vector<mpm::Scene> scenes;
-  for (const fit::Run& run : runs()) {
-    builders_.push_back(run.build);
-    scenes.push_back(run.build(1.0, arena, interrupter));
-  }
+  for (const fit::Run& run : runs()) builders_.push_back(run.build);
+  std::vector<mpm::Scene> scenes = build_scenes(1.0);
   has_tracks_ =
       std::any_of(runs().begin(), runs().end(), [](const fit::Run& run) { return run.fitted; });
   films_ = load_films(job, scenes.front(), has_tracks_ ? FilmUse::kBesideMore : FilmUse::kFitted,
                       statements, interrupter);
+  Arena arena(options.threads);
   settle_captures(loaded_.experiment, scenes, arena, statements);
   window_ = fit::growing_windows(runs(), false).back();
   runs().front().films = films_.films;
   runs().front().splats = own_splats(job);
   runs().front().fitted = true;
-  make_model(std::move(scenes), {});
+  make_parameters(scenes, {});
+  at_ = resolution(std::move(scenes));
 }
 
-void ImageExperiment::make_model(std::vector<mpm::Scene> scenes,
-                                 std::vector<fit::ParameterSpec> more) {
-  tracks_.reset();
-  model_.reset();
+std::vector<mpm::Scene> ImageExperiment::build_scenes(double level) const {
+  Arena arena(options_.threads);
+  std::vector<mpm::Scene> scenes;
+  for (const fit::Run& run : loaded_.experiment.runs) {
+    scenes.push_back(run.build(level, arena, interrupter_));
+  }
+  return scenes;
+}
+
+void ImageExperiment::make_parameters(const std::vector<mpm::Scene>& scenes,
+                                      std::vector<fit::ParameterSpec> more) {
   std::vector<fit::ParameterSpec> specs = with_poses(job_, films_, doc_.parameters);
   std::ranges::move(more, std::back_inserter(specs));
   parameters_.emplace(std::move(specs), runs(), scenes);
+}
+
+std::unique_ptr<ImageExperiment::Resolution> ImageExperiment::resolution(
+    std::vector<mpm::Scene> scenes) {
+  auto made = std::make_unique<Resolution>();
   fit::Model::Options given;
   given.loss = doc_.loss;
   given.target = resolve_target(options_.target);
   given.threads = options_.threads;
   given.memory_limit_gb = memory_left(scenes);
-  model_ =
+  made->model =
       std::make_unique<fit::Model>(runs(), std::move(scenes), *parameters_, given, interrupter_);
-  films_.mark_splats(model_->own(0), model_->scene(0));
+  films_.mark_splats(made->model->own(0), made->model->scene(0));
   if (has_tracks_) {
-    tracks_.emplace(*model_, runs(), parameters_->parameters(), doc_.loss, window_,
-                    fit::used_samples(runs()));
+    made->tracks.emplace(*made->model, runs(), parameters_->parameters(), doc_.loss, window_,
+                         fit::used_samples(runs()));
   }
+  return made;
 }
 
 void ImageExperiment::extend(const std::function<fit::SceneBuilder(fit::SceneBuilder)>& with,
                              std::vector<fit::ParameterSpec> more) {
-  Arena arena(options_.threads);
-  std::vector<mpm::Scene> scenes;
   for (std::size_t r = 0; r < builders_.size(); ++r) {
     runs()[r].build = with ? with(builders_[r]) : builders_[r];
-    scenes.push_back(runs()[r].build(1.0, arena, interrupter_));
   }
-  make_model(std::move(scenes), std::move(more));
+  std::vector<mpm::Scene> scenes = build_scenes(1.0);
+  std::optional<fit::ParticleColours> colours = std::move(at_->colours);
+  fit::StepPlan plan = std::move(at_->plan);
+  at_.reset();
+  make_parameters(scenes, std::move(more));
+  at_ = resolution(std::move(scenes));
+  at_->colours = std::move(colours);
+  at_->plan = std::move(plan);
 }
 
 double ImageExperiment::memory_left(const std::vector<mpm::Scene>& scenes) const {
@@ -138,12 +153,12 @@ void ImageExperiment::settle_steps(const std::vector<double>& values) {
   fit::Scope scope;
   scope.until = window_.until;
   scope.until.front() = std::max(scope.until.front(), until);
-  const fit::Evaluation evaluation = model_->evaluate({values}, scope);
+  const fit::Evaluation evaluation = at_->model->evaluate({values}, scope);
   if (!evaluation.outcomes.front()) {
     if (evaluation.failure.by_input) throw_input(evaluation.failure.message);
     throw_compute(evaluation.failure.message);
   }
-  plan_ = model_->plan_of(values, *evaluation.outcomes.front());
+  at_->plan = at_->model->plan_of(values, *evaluation.outcomes.front());
 }
 
 void ImageExperiment::settle_sizes(const std::vector<double>& values) {
@@ -152,7 +167,7 @@ void ImageExperiment::settle_sizes(const std::vector<double>& values) {
     scope.until.assign(runs().size(), -1.0);
     scope.until.front() = filming.until();
     scope.filming = &filming;
-    const fit::Evaluation evaluation = model_->evaluate({values}, scope);
+    const fit::Evaluation evaluation = at_->model->evaluate({values}, scope);
     if (!evaluation.outcomes.front()) throw_compute(evaluation.failure.message);
   };
   films_.settle_sizes(film, moved_cameras());
@@ -164,13 +179,21 @@ bool ImageExperiment::learn_colours(const std::vector<double>& values) {
     const bool tells = sighting.reduced.has_colours() && !sighting.reduced.held_out;
     if (!tells) continue;
     fit::View& view = reduced.emplace_back(sighting.reduced).view;
-    view.camera = model_->camera_of(values, view);
+    view.camera = at_->model->camera_of(values, view);
   }
   if (reduced.empty()) return false;
-  colours_ = fit::learn_colours(model_->scene_at(values, 0), model_->own(0), reduced,
-                                std::make_shared<Arena>(model_->threads()), model_->target(),
-                                interrupter_);
+  at_->colours = fit::learn_colours(at_->model->scene_at(values, 0), at_->model->own(0), reduced,
+                                    std::make_shared<Arena>(at_->model->threads()),
+                                    at_->model->target(), interrupter_);
   return true;
+}
+
+Eigen::VectorXd ImageExperiment::natural(const std::vector<double>& values) const {
+  Eigen::VectorXd point(Eigen::Index(values.size()));
+  for (std::size_t k = 0; k < values.size(); ++k) {
+    point[Eigen::Index(k)] = fit::to_natural(parameters_->parameters()[k].coordinate, values[k]);
+  }
+  return point;
 }
 
 std::vector<fit::Parameter> ImageExperiment::parameters_from(
@@ -195,9 +218,9 @@ std::vector<fit::Parameter> ImageExperiment::motion_from(const std::vector<doubl
 
 fit::ImageProblem ImageExperiment::problem(const std::vector<double>& values, double blur) {
   fit::ImageProblem::Parts parts;
-  parts.tracks = tracks_ ? &*tracks_ : nullptr;
+  parts.tracks = at_->tracks ? &*at_->tracks : nullptr;
   parts.window = window_;
-  parts.colours = colours_ ? &*colours_ : nullptr;
+  parts.colours = at_->colours ? &*at_->colours : nullptr;
   return problem(values, blur, std::move(parts), std::numeric_limits<double>::infinity());
 }
 
@@ -209,7 +232,7 @@ fit::ImageProblem ImageExperiment::beginning(const std::vector<double>& values, 
                                              double until) {
   fit::ImageProblem::Parts parts;
   parts.window.until.assign(runs().size(), -1.0);
-  parts.colours = colours_ ? &*colours_ : nullptr;
+  parts.colours = at_->colours ? &*at_->colours : nullptr;
   return problem(values, blur, std::move(parts), until);
 }
 
@@ -243,8 +266,8 @@ fit::ImageProblem ImageExperiment::problem(const std::vector<double>& values, do
     const bool used = !sighting.reduced.held_out && sighting.reduced.view.time <= until;
     if (used) parts.sightings.push_back(sighting.reduced);
   }
-  fit::ImageProblem result(*model_, parameters_from(values), std::move(parts), blur);
-  result.set_plan(plan_);
+  fit::ImageProblem result(*at_->model, parameters_from(values), std::move(parts), blur);
+  result.set_plan(at_->plan);
   return result;
 }
 
@@ -261,16 +284,46 @@ ImageStanding ImageExperiment::standing(const std::vector<double>& values) {
   fit::Scope scope = fit::whole_scope(runs());
   scope.until.front() = std::max(scope.until.front(), filming.until());
   scope.filming = &filming;
-  scope.plan = &plan_;
-  const fit::Evaluation evaluation = model_->evaluate({values}, scope);
+  scope.plan = &at_->plan;
+  const fit::Evaluation evaluation = at_->model->evaluate({values}, scope);
   ImageStanding standing;
   if (!evaluation.outcomes.front()) return standing;
   standing.silhouettes = silhouettes_json(sightings, agreements);
   standing.cameras = cameras_json(films_, agreements);
   if (!job_.captures.empty()) {
-    standing.tracks = errors_of(runs(), *model_, doc_.loss, *evaluation.outcomes.front()).json();
+    standing.tracks =
+        errors_of(runs(), *at_->model, doc_.loss, *evaluation.outcomes.front()).json();
   }
   return standing;
+}
+
+Eigen::VectorXd ImageExperiment::residuals_at(double level, const std::vector<double>& values,
+                                              double blur) {
+  /// Puts the resolution of the document back.
+  struct Back {
+    ImageExperiment& of;
+    std::unique_ptr<Resolution> own;
+    std::vector<double> sizes;
+    ~Back() {
+      of.at_ = std::move(own);
+      for (std::size_t k = 0; k < sizes.size(); ++k) {
+        of.films_.sightings[k].reduced.view.size = sizes[k];
+      }
+    }
+  };
+  std::unique_ptr<Resolution> coarse = resolution(build_scenes(level));
+  Back back{*this, std::move(at_), {}};
+  at_ = std::move(coarse);
+  for (const ImageSighting& sighting : films_.sightings) {
+    back.sizes.push_back(sighting.reduced.view.size);
+  }
+  settle_steps(values);
+  settle_sizes(values);
+  if (back.own->colours) learn_colours(values);
+  fit::ImageProblem coarser = problem(values, blur);
+  std::optional<Eigen::VectorXd> found = coarser.evaluate({natural(values)}).front();
+  if (!found) throw_compute(coarser.failure());
+  return *std::move(found);
 }
 
 }  // namespace matterfit::job

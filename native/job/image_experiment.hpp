@@ -47,7 +47,7 @@ class ImageExperiment {
   [[nodiscard]] const LoadedFilms& films() const { return films_; }
   [[nodiscard]] bool has_tracks() const { return has_tracks_; }  ///< that are fitted
   [[nodiscard]] const fit::Parameters& parameters() const { return *parameters_; }
-  [[nodiscard]] fit::Model& model() { return *model_; }
+  [[nodiscard]] fit::Model& model() { return *at_->model; }
   /// Whether the pose of a camera is among the parameters.
   [[nodiscard]] bool moves_cameras() const;
 
@@ -59,6 +59,8 @@ class ImageExperiment {
   /// False: no image shows any.
   bool learn_colours(const std::vector<double>& values);
 
+  /// The same in the natural coordinates of the parameters.
+  [[nodiscard]] Eigen::VectorXd natural(const std::vector<double>& values) const;
   /// The parameters with these values as their starts.
   [[nodiscard]] std::vector<fit::Parameter> parameters_from(
       const std::vector<double>& values) const;
@@ -81,9 +83,26 @@ class ImageExperiment {
   /// The errors of all images, in their own pixels, and of all tracks, held-out ones too.
   [[nodiscard]] ImageStanding standing(const std::vector<double>& values);
 
+  /// The residuals of problem() with `level` times the particle separation: particles' sizes and
+  /// colours are found anew for these. Throws Error(kInput) or Error(kCompute) where there are
+  /// none.
+  [[nodiscard]] Eigen::VectorXd residuals_at(double level, const std::vector<double>& values,
+                                             double blur);
+
  private:
+  /// What belongs to one particle separation.
+  struct Resolution {
+    std::unique_ptr<fit::Model> model;
+    std::optional<fit::CaptureProblem> tracks;
+    std::optional<fit::ParticleColours> colours;
+    fit::StepPlan plan;
+  };
+
   [[nodiscard]] std::vector<fit::Run>& runs() { return loaded_.experiment.runs; }
-  void make_model(std::vector<mpm::Scene> scenes, std::vector<fit::ParameterSpec> more);
+  [[nodiscard]] std::vector<mpm::Scene> build_scenes(double level) const;
+  void make_parameters(const std::vector<mpm::Scene>& scenes, std::vector<fit::ParameterSpec> more);
+  /// Its scenes of the parameters.
+  [[nodiscard]] std::unique_ptr<Resolution> resolution(std::vector<mpm::Scene> scenes);
   [[nodiscard]] std::vector<std::vector<std::uint8_t>> moved_cameras() const;
   /// What of the memory limit is left for simulations [GB]. Throws Error(kInput) where the fit does
   /// not go into it.
@@ -101,10 +120,7 @@ class ImageExperiment {
   bool has_tracks_ = false;
   fit::Window window_;  ///< of the tracks
   std::optional<fit::Parameters> parameters_;
-  std::unique_ptr<fit::Model> model_;
-  std::optional<fit::CaptureProblem> tracks_;
-  std::optional<fit::ParticleColours> colours_;
-  fit::StepPlan plan_;
+  std::unique_ptr<Resolution> at_;
 };
 
 }  // namespace matterfit::job

@@ -15,6 +15,7 @@
 #include "base/error.hpp"
 #include "base/file.hpp"
 #include "fit/numerics/uncertainty.hpp"
+#include "fit/search/value_errors.hpp"
 #include "job/documents/fit_document.hpp"
 #include "job/documents/inputs.hpp"
 #include "job/fit_files.hpp"
@@ -281,7 +282,7 @@ class ImageFit {
       }
       std::vector<Eigen::VectorXd> points;
       points.reserve(tried.size());
-      for (const auto& values : tried) points.push_back(natural(values));
+      for (const auto& values : tried) points.push_back(scene_->natural(values));
       const auto residuals = at.evaluate(points);
       double best = std::numeric_limits<double>::infinity();
       for (std::size_t i = 0; i < tried.size(); ++i) {
@@ -291,15 +292,6 @@ class ImageFit {
       }
       state_.evaluations += static_cast<int>(tried.size());
     }
-  }
-
-  [[nodiscard]] Eigen::VectorXd natural(const std::vector<double>& values) const {
-    Eigen::VectorXd point(Eigen::Index(values.size()));
-    for (std::size_t k = 0; k < values.size(); ++k) {
-      point[Eigen::Index(k)] =
-          fit::to_natural(scene_->parameters().parameters()[k].coordinate, values[k]);
-    }
-    return point;
   }
 
   /// Refines the plan as the values now need it; residuals are then not quite the same.
@@ -409,8 +401,17 @@ class ImageFit {
     search_->linearise(at, *state_.search);
     misfit_ = at.misfit(state_.search->residual);
     // Without Huber's bound, which is one of residuals that are not counted yet.
-    return fit::uncertainty(search_->parameters(), at.as_counted(*state_.search),
-                            at.effective(state_.search->residual), 0.0, at.blocks());
+    fit::Uncertainty known =
+        fit::uncertainty(search_->parameters(), at.as_counted(*state_.search),
+                         at.effective(state_.search->residual), 0.0, at.blocks());
+    const auto change = fit::grid_change(
+        state_.search->residual,
+        [&] { return scene_->residuals_at(fit::kCoarser, state_.values, kNarrow); }, statements_);
+    if (change) {
+      fit::add_grid_error(search_->parameters(), *state_.search, *change, fit::kOfCoarser, 0.0,
+                          known);
+    }
+    return known;
   }
 
   Json simulate(const Json& document, const Json& fit) {

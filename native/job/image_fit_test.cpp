@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <fstream>
+#include <map>
 #include <numbers>
 #include <string>
 #include <vector>
@@ -55,6 +56,7 @@ Json fit_to_clip(const std::vector<std::string>& parameters) {
   return document;
 }
 
+/// The clip is of another particle separation: what that makes of the values is in their intervals.
 TEST(ImageFit, StiffnessAndThrowFromMattesAlone) {
   const Folder folder;
   film(filmed_cube(), folder.path, two_cameras());
@@ -66,6 +68,16 @@ TEST(ImageFit, StiffnessAndThrowFromMattesAlone) {
   EXPECT_NEAR(value_of(result, "bodies.cube.velocity[0]"), 0.8, 0.05);
   EXPECT_NEAR(value_of(result, "bodies.cube.velocity[1]"), 0.3, 0.05);
   EXPECT_NEAR(value_of(result, "bodies.cube.velocity[2]"), -1.5, 0.05);
+  const std::map<std::string, double> truths = {{"bodies.cube.material.E", 3e4},
+                                                {"bodies.cube.velocity[0]", 0.8},
+                                                {"bodies.cube.velocity[1]", 0.3},
+                                                {"bodies.cube.velocity[2]", -1.5}};
+  for (const Json& parameter : fit.at("parameters")) {
+    const double truth = truths.at(parameter.at("path").get<std::string>());
+    EXPECT_GT(parameter.at("grid_error").get<double>(), 0.0) << parameter.dump(1);
+    EXPECT_LE(parameter.at("interval")[0].get<double>(), truth) << parameter.dump(1);
+    EXPECT_GE(parameter.at("interval")[1].get<double>(), truth) << parameter.dump(1);
+  }
   const Json& after = fit.at("silhouettes").at("after");
   const Json& before = fit.at("silhouettes").at("before");
   EXPECT_EQ(after.at("held_out").at("images"), 6);

@@ -2,17 +2,11 @@
 #include "fit/search/value_errors.hpp"
 
 #include <cstddef>
-#include <optional>
 
 #include "base/error.hpp"
 
 namespace matterfit::fit {
 namespace {
-
-/// The grid that tells how much the values depend on it, and what it has of the difference itself:
-/// errors of second order in the separation (docs/validation.md).
-constexpr double kCoarser = 2.0;
-constexpr double kOfCoarser = 1.0 / (kCoarser * kCoarser - 1.0);
 
 /// Whether the path is of a capture of which the fit sees nothing.
 bool is_unseen(const Address& path, const std::vector<Run>& runs) {
@@ -27,18 +21,22 @@ bool is_unseen(const Address& path, const std::vector<Run>& runs) {
   return false;
 }
 
-/// What a coarser grid adds to the residuals of the last stage at its end; nothing where it cannot
-/// be told (the grid cannot be made; the simulation could not be completed).
-std::optional<Eigen::VectorXd> coarser(SearchProblems& problems, const SearchStage& stage,
-                                       const LawState& state,
-                                       std::vector<std::string>& statements) {
+/// The residuals of the last stage at its end, on the coarser grid.
+Eigen::VectorXd coarser(SearchProblems& problems, const SearchStage& stage, const LawState& state) {
+  const double level = kCoarser * stage.level;
+  const std::vector<std::vector<double>> here{state.values};
+  const Evaluation found = problems.model(level).evaluate(here, {stage.window.until});
+  if (!found.outcomes.front()) throw_compute(found.failure.message);
+  return problems.problem(level, stage.window).residuals(*found.outcomes.front());
+}
+
+}  // namespace
+
+std::optional<Eigen::VectorXd> grid_change(const Eigen::VectorXd& fine,
+                                           const std::function<Eigen::VectorXd()>& residuals,
+                                           std::vector<std::string>& statements) {
   try {
-    const double level = kCoarser * stage.level;
-    const std::vector<std::vector<double>> here{state.values};
-    const Evaluation found = problems.model(level).evaluate(here, {stage.window.until});
-    if (!found.outcomes.front()) throw_compute(found.failure.message);
-    return problems.problem(level, stage.window).residuals(*found.outcomes.front()) -
-           state.search->residual;
+    return residuals() - fine;
   } catch (const Error& error) {
     if (error.kind() != ErrorKind::kInput && error.kind() != ErrorKind::kCompute) throw;
     statements.push_back(
@@ -48,8 +46,6 @@ std::optional<Eigen::VectorXd> coarser(SearchProblems& problems, const SearchSta
     return std::nullopt;
   }
 }
-
-}  // namespace
 
 Uncertainty errors_of_values(SearchProblems& problems, const SearchStage& stage,
                              const CaptureProblem& problem,
@@ -66,7 +62,9 @@ Uncertainty errors_of_values(SearchProblems& problems, const SearchStage& stage,
                                    "is held out or outside of the scene's frames. It keeps its "
                                    "start value.";
   }
-  if (const auto change = coarser(problems, stage, at_end, statements)) {
+  const auto change = grid_change(
+      search.residual, [&] { return coarser(problems, stage, at_end); }, statements);
+  if (change) {
     add_grid_error(parameters, search, *change, kOfCoarser, problems.setup().options.huber, known);
   }
   return known;

@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #pragma once
 
+#include <Eigen/Core>
+#include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -10,6 +13,18 @@
 #include "fit/search/stages.hpp"
 
 namespace matterfit::fit {
+
+/// The grid that tells how much the values depend on it, as a multiple of the fit's separation, and
+/// what the fit has of the difference itself: errors of second order (docs/validation.md).
+inline constexpr double kCoarser = 2.0;
+inline constexpr double kOfCoarser = 1.0 / (kCoarser * kCoarser - 1.0);
+
+/// What add_grid_error() needs: by how much `residuals`, those at kCoarser times the separation,
+/// differ from `fine`. Where they throw Error(kInput) or Error(kCompute) `statements` says so, and
+/// there is nothing.
+[[nodiscard]] std::optional<Eigen::VectorXd> grid_change(
+    const Eigen::VectorXd& fine, const std::function<Eigen::VectorXd()>& residuals,
+    std::vector<std::string>& statements);
 
 /// Standard errors and correlations of the values where a search has ended, with what the grid may
 /// have moved them by: one more simulation, at twice the particle separation. `problem` and

@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "diagnose/starts.hpp"
+
 namespace matterfit::diagnose {
 namespace {
 
@@ -107,7 +109,7 @@ class Acceptance {
 
   /// Whether the best single cause does not exclude this candidate.
   [[nodiscard]] bool is_rival(const Score& score) const {
-    if (!score.observable) return false;
+    if (!score.observable || !stands(study_.model(), score.candidate, {})) return false;
     const Trial& best = out_.singles.front();
     // The best may be a simpler cause that is only nearly as likely.
     const Trial& likeliest = *std::ranges::min_element(out_.singles, {}, &Trial::evidence);

@@ -26,6 +26,9 @@ constexpr double kExplainsEnough = 0.8;
 constexpr double kLeavesNothing = 0.95;
 /// The first on what was kept back, which is farther from what was fitted to.
 constexpr double kPredictsEnough = 0.6;
+/// The same of several causes that leave something else: numbers of unlike things together imitate
+/// much of what none of them is.
+constexpr double kTogetherPredict = 0.95;
 /// The least gain, of its interval, at which a share kExplainsEnough of the whole misfit is enough.
 constexpr double kSurelyPredicts = 0.5;
 /// Power .8 of the detection limit: Φ⁻¹(.8).
@@ -341,6 +344,8 @@ class Writer {
       name_causes();
       const Gain& g = found_.best->gain;
       const bool predicts = !g.measurable || g.value >= kPredictsEnough;
+      const bool several = found_.best->causes.size() > 1;
+      const bool stands = predicts && (!several || !g.measurable || g.value >= kTogetherPredict);
       const bool left = report_.smooth_p_after < options_.smooth_level &&
                         (exceeds_solver(found_.best->refit) || !predicts);
       const double share = share_of_excess(found_.base.refit, found_.best->refit);
@@ -348,7 +353,7 @@ class Writer {
       const bool explains =
           report_.explained >= kExplainsEnough || share >= kLeavesNothing || mostly;
       report_.remains = left;
-      if (left && (!explains || !predicts)) {
+      if (left && (!explains || !stands)) {
         report_.verdict = Verdict::kUnknown;
         report_.classes.clear();
         for (Cause& cause : report_.causes) cause.accepted = false;

@@ -187,6 +187,21 @@ TEST(Diagnose, WhatNoEffectKnowsIsUnknown) {
   EXPECT_NEAR(report.wrong.front().frame, 10, 4);
 }
 
+/// A kick in flight is done nearly as well by several causes together, such as a shaking beside a
+/// tracker's lag, but what they leave says that they are not it.
+TEST(Diagnose, SeveralCausesThatImitateAreNotNamed) {
+  for (const double speed : {0.6, 1.5}) {
+    ThrownModel model({Vec3d(4.0, 0.5, 3.0)});
+    model.effects_.push_back(
+        effect("shaking", "outside",
+               {number("x", "m/s²", 0.2), number("y", "m/s²", 0.2), number("z", "m/s²", 0.2)}));
+    model.unknown_kick = Vec3d(0.0, 0.0, speed);
+    model.record({}, {});
+    const Report report = diagnose(model);
+    EXPECT_EQ(report.verdict, Verdict::kUnknown) << told_by_report(report);
+  }
+}
+
 /// A known cause that explains nearly all is named although something smaller remains unknown.
 TEST(Diagnose, WhatIsKnownIsNamedBesideWhatIsNot) {
   ThrownModel model = two_throws();

@@ -190,7 +190,7 @@ class Search {
     const std::vector<Score>& scores = out_.first->scores;
     const std::vector<std::size_t> chosen =
         unlike_shapes(out_.first->test, scores, kTogether, [&](const Score& score) {
-          return effect_of(score).onsets.empty() &&
+          return effect_of(score).onsets.empty() && stands(study_.model(), score.candidate, {}) &&
                  out_.first->placebo.p(score.equivalent) < options_.analysis.placebo.level;
         });
     if (chosen.size() < 2) return;
@@ -292,6 +292,7 @@ class Search {
       if (int(attempts.size() - set) >= options_.refits) break;
       const Score& score = scores[k];
       if (!effect_of(score).onsets.empty() || !effect_of(score).tries.empty()) continue;
+      if (!stands(study_.model(), score.candidate, {})) continue;
       if (is_attempted(score.candidate.effect, attempts)) continue;
       if (out_.first->placebo.p(score.equivalent) >= options_.analysis.placebo.level) break;
       const double imitates = out_.first->test.imitation(order.front(), top.estimate, k);

@@ -16,6 +16,10 @@ using Eigen::VectorXd;
 
 /// How many further causes are tried beside those that are there.
 constexpr std::size_t kFurther = 3;
+/// Least size at which a cause that another one stands beside begins, in scales.
+constexpr double kStandsOn = 4.0;
+/// Causes of which pairs are made.
+constexpr std::size_t kOfPairs = 8;
 /// Share of the excess that a runner-up explains, beside which others are sought too.
 constexpr double kMost = 0.5;
 
@@ -67,7 +71,10 @@ class Further {
   /// Attempts with each of the best few causes beside those of `trial`, by what was seen there.
   void extend(const Trial& trial, const Analysis& seen, const Linearised& slopes,
               std::vector<Attempt>& attempts) const {
-    for (const std::size_t k : unlike_shapes(seen.test, seen.scores, kFurther)) {
+    const auto of_use = [&](const Score& score) {
+      return stands(study_.model(), score.candidate, trial.causes);
+    };
+    for (const std::size_t k : unlike_shapes(seen.test, seen.scores, kFurther, of_use)) {
       const Score& score = seen.scores[k];
       std::vector<Candidate> causes = trial.causes;
       causes.push_back(score.candidate);
@@ -141,11 +148,15 @@ class Further {
     return judge_.rows().size() > 0 && !g.measurable;
   }
 
-  /// All pairs of the best eight by their joint score; the best two are refitted.
+  /// All pairs of the best eight by their joint score; the best two are refitted, and what is no
+  /// cause by itself with what it stands beside.
   void add_pairs(std::vector<Attempt>& attempts) const {
     const State& base = out_.base_state;
-    std::vector<std::size_t> order = best_shapes(out_.first->scores);
-    if (order.size() > 8) order.resize(8);
+    const std::vector<std::size_t> all = best_shapes(out_.first->scores);
+    const std::vector<std::size_t> order(
+        all.begin(), all.begin() + std::ptrdiff_t(std::min(all.size(), kOfPairs)));
+    const auto candidate = [&](std::size_t k) { return out_.first->scores[k].candidate; };
+    const auto alone = [&](std::size_t k) { return stands(study_.model(), candidate(k), {}); };
     struct Found {
       double statistic;
       std::size_t k;
@@ -154,6 +165,7 @@ class Further {
     std::vector<Found> pairs;
     for (std::size_t i = 0; i < order.size(); ++i) {
       for (std::size_t j = i + 1; j < order.size(); ++j) {
+        if (!alone(order[i]) || !alone(order[j])) continue;
         pairs.push_back(
             {out_.first->test.pair(out_.first->numerators, order[i], order[j]).statistic, order[i],
              order[j]});
@@ -162,10 +174,18 @@ class Further {
     std::ranges::stable_sort(
         pairs, [](const Found& a, const Found& b) { return a.statistic > b.statistic; });
     if (pairs.size() > 2) pairs.resize(2);
+    for (const std::size_t l : all) {
+      if (alone(l)) continue;
+      for (const std::size_t k : all) {
+        if (stands(study_.model(), candidate(l), {candidate(k)})) pairs.push_back({0.0, k, l});
+      }
+    }
     for (const Found& found : pairs) {
-      const auto estimate = out_.first->test.pair(out_.first->numerators, found.k, found.l);
-      const Candidate a = out_.first->scores[found.k].candidate;
-      const Candidate b = out_.first->scores[found.l].candidate;
+      auto estimate = out_.first->test.pair(out_.first->numerators, found.k, found.l);
+      // What another cause stands beside does something at the start.
+      if (!alone(found.l)) estimate.first = estimate.first.cwiseMax(kStandsOn);
+      const Candidate a = candidate(found.k);
+      const Candidate b = candidate(found.l);
       const State one = extended(study_.model(), base, a, estimate.first, 1.0);
       const State half = extended(study_.model(), base, a, estimate.first, 0.5);
       attempts.push_back({{a, b},
@@ -179,7 +199,8 @@ class Further {
   /// Takes out causes without which the model is as good.
   void eliminate(Trial& trial) {
     for (std::size_t c = 0; c < trial.causes.size() && trial.causes.size() > 1;) {
-      std::optional<Trial> fewer = without(trial, c);
+      std::optional<Trial> fewer;
+      if (!is_needed(trial, c)) fewer = without(trial, c);
       if (!fewer || trials_.better(*fewer, trial)) {
         ++c;
       } else {
@@ -189,12 +210,21 @@ class Further {
     }
   }
 
+  /// Whether another cause stands only beside cause c.
+  [[nodiscard]] bool is_needed(const Trial& trial, std::size_t c) const {
+    std::vector<Candidate> others = trial.causes;
+    others.erase(others.begin() + std::ptrdiff_t(c));
+    return std::ranges::any_of(
+        others, [&](const Candidate& other) { return !stands(study_.model(), other, others); });
+  }
+
   /// Tries other causes in the place of each of several: those that the catalogue calls like it and
   /// that have no more numbers, with the values that come nearest to what it does. The simplest of
   /// the models that are nearly as likely stays.
   void exchange(Linearised& slopes) {
     std::vector<Attempt> attempts;
     for (std::size_t c = 0; c < out_.best->causes.size(); ++c) {
+      if (is_needed(*out_.best, c)) continue;
       std::size_t tried = 0;
       for (const Candidate& other : like(out_.best->causes[c])) {
         if (tried++ < kFurther) put_in_place(c, other, slopes, attempts);
@@ -225,7 +255,8 @@ class Further {
       });
       const bool alike = std::ranges::count(own.confused_with, other.name) > 0 ||
                          std::ranges::count(other.confused_with, own.name) > 0;
-      if (!there && alike && other.numbers.size() <= own.numbers.size()) {
+      if (!there && alike && other.numbers.size() <= own.numbers.size() &&
+          stands(study_.model(), candidate, out_.best->causes)) {
         result.push_back(candidate);
       }
     }

@@ -25,7 +25,7 @@ std::vector<Candidate> mates_of(const Model& model, const std::vector<Score>& sc
     const Candidate& candidate = scores[k].candidate;
     const std::string& name = model.effects()[std::size_t(candidate.effect)].name;
     if (std::ranges::count(known, candidate.effect) > 0) continue;
-    if (scores[k].statistic < least) continue;
+    if (scores[k].statistic < least || !stands(model, candidate, {})) continue;
     if (std::ranges::count(names, name) > 0) result.push_back(candidate);
   }
   return result;

@@ -105,10 +105,13 @@ struct Effect {
   /// with their names where there are several; {variant} the shape's description.
   std::string sentence;
   std::vector<std::string> confused_with;  ///< names, of the catalogue, for reports
-  std::vector<int> captures;               ///< those in which an observation acts; empty: all
-  Vec3d pivot = Vec3d::Zero();             ///< observations: a fixed point [m]
-  Vec3d axis = Vec3d::UnitZ();             ///< observations: unit
-  double prior = 1.0;  ///< how often it is met, relative to others; for probabilities
+  /// The catalogue's name of an effect that must be there as well: without it this one is no cause
+  /// (no wind without the drag of air). Empty: none.
+  std::string beside;
+  std::vector<int> captures;    ///< those in which an observation acts; empty: all
+  Vec3d pivot = Vec3d::Zero();  ///< observations: a fixed point [m]
+  Vec3d axis = Vec3d::UnitZ();  ///< observations: unit
+  double prior = 1.0;           ///< how often it is met, relative to others; for probabilities
   /// A law whose form is free: no candidate, but scored and refitted when all is done
   /// (free_law.hpp). One at most.
   bool last = false;

@@ -226,6 +226,13 @@ class ThrownModel : public HiddenModel {
     return result;
   }
   std::vector<Experiment> experiments_;
+  /// Adds a wind, which takes the rate of drag_quadratic.
+  void add_wind() {
+    effects_.push_back(
+        effect("wind", "outside",
+               {number("x", "m/s", 1.0), number("y", "m/s", 1.0), number("z", "m/s", 1.0)}));
+    effects_.back().beside = "drag_quadratic";
+  }
   /// Adds what the body's law might be instead: it turns about y as time goes on.
   void add_law() {
     effects_.push_back(effect("law", "material", {number("bend", "m", 0.01)}));
@@ -233,13 +240,15 @@ class ThrownModel : public HiddenModel {
   }
   /// A push that no effect knows: sideways, by a bump in time, growing along the body [m/s²].
   double unknown_push = 0.0;
+  /// A kick that no effect knows, in the middle of what is fitted [m/s].
+  Vec3d unknown_kick = Vec3d::Zero();
 
  protected:
-  Motion truth(const Point& point) const override { return fly(point, unknown_push); }
-  Motion motion(const Point& point) const override { return fly(point, 0.0); }
+  Motion truth(const Point& point) const override { return fly(point, unknown_push, unknown_kick); }
+  Motion motion(const Point& point) const override { return fly(point, 0.0, Vec3d::Zero()); }
 
  private:
-  Motion fly(const Point& point, double push) const {
+  Motion fly(const Point& point, double push, const Vec3d& kick) const {
     double gravity = 9.81;
     Vec3d down = -Vec3d::UnitZ();
     double linear = 0.0;
@@ -248,9 +257,11 @@ class ThrownModel : public HiddenModel {
     double spin = 0.0;
     double bend = 0.0;
     Vec3d shaking = Vec3d::Zero();
+    Vec3d wind = Vec3d::Zero();
     for (const Point::Cause& cause : point.causes) {
       const std::string& name = effects_[std::size_t(cause.effect)].name;
       if (name == "shaking") shaking = cause.values.head<3>();
+      if (name == "wind") wind = cause.values.head<3>();
       if (name == "gravity_size") gravity *= 1.0 + cause.values[0];
       if (name == "gravity_direction") {
         down = Vec3d(cause.values[0], cause.values[1], -1.0).normalized();
@@ -270,8 +281,10 @@ class ThrownModel : public HiddenModel {
       Vec3d x = Vec3d::Zero();
       Vec3d v = point.theta.segment<3>(Eigen::Index(3 * c));
       const auto acceleration = [&](const Vec3d& at, const Vec3d& u) -> Vec3d {
-        return gravity * down + shaking - linear * u - quadratic * u.norm() * u +
-               field * at[0] * Vec3d::UnitY();
+        const Vec3d in_air = u - wind;
+        const double moved = quadratic > 0.0 ? quadratic : 0.05;
+        return gravity * down + shaking - linear * u - quadratic * u.norm() * u -
+               moved * (in_air.norm() * in_air - u.norm() * u) + field * at[0] * Vec3d::UnitY();
       };
       for (std::size_t f = 0; f < capture.times.size(); ++f) {
         if (f > 0) {
@@ -288,6 +301,7 @@ class ThrownModel : public HiddenModel {
             x += h / 6.0 * (v + 2.0 * v2 + 2.0 * v3 + v4);
             v += h / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4);
           }
+          if (f == capture.times.size() / 2) v += kick;
         }
         const double t = capture.times[f];
         const Eigen::AngleAxisd turn(spin * t, Vec3d::UnitZ());

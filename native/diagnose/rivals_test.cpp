@@ -1,8 +1,11 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <cmath>
+#include <string>
+#include <vector>
 
 #include "diagnose/accept.hpp"
 #include "diagnose/diagnose.hpp"
@@ -88,6 +91,24 @@ TEST(Rivals, OfAMassInOneOfTwoRecordingsThereAreNone) {
   EXPECT_EQ(report.causes.front().effect, "mass");
   EXPECT_NEAR(report.causes.front().parameters.front().value, 0.052, 0.008);
   EXPECT_TRUE(report.remains);
+}
+
+/// Air that moves across a throw and against it does nearly what drag and a tilt do together, but
+/// no air moves without drag.
+TEST(Rivals, WindIsNamedBesideDragAlone) {
+  for (const char* other : {"gravity_direction", "wind"}) {
+    ThrownModel model({Vec3d(3.0, 1.0, 2.0)});
+    model.add_wind();
+    Eigen::VectorXd sideways = Vec3d(1.0, 4.0, 0.0);
+    if (other == std::string("gravity_direction")) sideways = Eigen::Vector2d(0.01, -0.015);
+    model.record({{model.effect_index("drag_quadratic"), 0, Eigen::VectorXd::Constant(1, 0.04)},
+                  {model.effect_index(other), 0, sideways}},
+                 {});
+    const Report report = diagnose(model);
+    EXPECT_EQ(report.verdict, Verdict::kSeveral) << report.headline;
+    EXPECT_THAT(report.classes, testing::UnorderedElementsAre("drag_quadratic", other))
+        << report.headline;
+  }
 }
 
 Trial trial_of(double chi_square, double gain) {

@@ -15,6 +15,13 @@ MatrixXd beside(const MatrixXd& a, const MatrixXd& b) {
   return result;
 }
 
+bool stands(const Model& model, const Candidate& cause, const std::vector<Candidate>& causes) {
+  const std::string& needed = model.effects()[std::size_t(cause.effect)].beside;
+  return needed.empty() || std::ranges::any_of(causes, [&](const Candidate& other) {
+           return model.effects()[std::size_t(other.effect)].name == needed;
+         });
+}
+
 std::vector<std::size_t> best_shapes(const std::vector<Score>& scores) {
   std::vector<std::size_t> order;
   for (std::size_t k = 0; k < scores.size(); ++k) {

@@ -15,6 +15,10 @@ namespace matterfit::diagnose {
 /// [a | b], of as many rows.
 [[nodiscard]] Eigen::MatrixXd beside(const Eigen::MatrixXd& a, const Eigen::MatrixXd& b);
 
+/// Whether what a cause needs beside it (Effect::beside) is among `causes`.
+[[nodiscard]] bool stands(const Model& model, const Candidate& cause,
+                          const std::vector<Candidate>& causes);
+
 /// The effect's shape with the best score, for each effect; best first, observable ones.
 [[nodiscard]] std::vector<std::size_t> best_shapes(const std::vector<Score>& scores);
 

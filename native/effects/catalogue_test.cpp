@@ -27,6 +27,7 @@ TEST(Catalogue, NamesAreUniqueAndRowsAreFilledIn) {
     EXPECT_EQ(row->way == Way::kTerm, row->make != nullptr) << row->name;
     EXPECT_EQ(row->way == Way::kQuantity, !row->quantities.empty()) << row->name;
     EXPECT_EQ(row->way == Way::kTerm, !row->parameters.empty()) << row->name;
+    EXPECT_TRUE(row->beside.empty() || find_effect_type(row->beside) != nullptr) << row->name;
   }
   EXPECT_EQ(find_effect_type("nothing"), nullptr);
 }

@@ -64,6 +64,8 @@ struct EffectType {
   std::string signature;                    ///< what it does to the residual, a sentence
   std::vector<std::string> confused_with;   ///< names of rows
   std::string sentence;                     ///< what it is, for people
+  /// The row to which it adds: it stands beside one of that, by the numbers that both have.
+  std::string beside = {};
   /// The term on a body; the effect lives as long. Null where `way` is another.
   std::unique_ptr<Term> (*make)(const Effect& effect, const BodyFacts& body) = nullptr;
   /// What an effect adds to the inertia of a body, not to its weight [kg/m³ of its volume], and its

@@ -75,6 +75,7 @@ const EffectType& wind() {
       .sentence =
           "Moving air carries the body along. The drag of the air itself is the effect "
           "drag_quadratic.",
+      .beside = "drag_quadratic",
       .make = [](const Effect& effect, const BodyFacts& body) -> std::unique_ptr<Term> {
         return std::make_unique<Wind>(effect, body);
       }};

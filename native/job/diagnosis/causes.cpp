@@ -150,15 +150,19 @@ class Causes {
       }
     }
     if (row.numbers.empty()) return;
+    if (!type.beside.empty() && !has_effect(scene_, type.beside)) row.beside = type.beside;
     cause.apply = [neutral, places](std::span<const double> v, int, mpm::Scene& scene) {
       effects::Effect effect = neutral;
+      take_shared(scene, effect);
       for (std::size_t k = 0; k < places.size(); ++k) effect.values[places[k]] = v[k];
       scene.effects.push_back(std::move(effect));
     };
     cause.write = [neutral, places](std::span<const double> v, int, Json& scene) {
       effects::Effect effect = neutral;
       for (std::size_t k = 0; k < places.size(); ++k) effect.values[places[k]] = v[k];
-      scene["effects"].push_back(effect_entry(effect));
+      Json entry = effect_entry(effect);
+      take_shared(scene, *effect.type, entry);
+      scene["effects"].push_back(std::move(entry));
     };
     causes_.push_back(std::move(cause));
   }

@@ -2,9 +2,10 @@
 #include "job/diagnosis/effect_entry.hpp"
 
 #include <algorithm>
+#include <cstddef>
+#include <optional>
+#include <string>
 #include <vector>
-
-#include "effects/effect_type.hpp"
 
 namespace matterfit::job {
 
@@ -19,6 +20,32 @@ Json effect_entry(const effects::Effect& effect) {
     entry[parameter.key] = parameter.size == 1 ? Json(values.front()) : Json(values);
   }
   return entry;
+}
+
+void take_shared(const mpm::Scene& scene, effects::Effect& effect) {
+  const auto other = std::ranges::find_if(scene.effects, [&](const effects::Effect& there) {
+    return there.type->name == effect.type->beside && !effects::is_neutral(there);
+  });
+  if (other == scene.effects.end()) return;
+  for (std::size_t p = 0; p < effect.type->parameters.size(); ++p) {
+    const effects::EffectParameter& parameter = effect.type->parameters[p];
+    const std::optional<std::size_t> same = other->type->find(parameter.key);
+    if (!same) continue;
+    std::copy_n(other->values.begin() + std::ptrdiff_t(other->type->offset(*same)), parameter.size,
+                effect.values.begin() + std::ptrdiff_t(effect.type->offset(p)));
+  }
+}
+
+void take_shared(const Json& scene, const effects::EffectType& type, Json& entry) {
+  const auto there = scene.find("effects");
+  if (there == scene.end()) return;
+  for (const Json& other : *there) {
+    if (other.value("effect", std::string()) != type.beside) continue;
+    for (const effects::EffectParameter& parameter : type.parameters) {
+      if (other.contains(parameter.key)) entry[parameter.key] = other.at(parameter.key);
+    }
+    return;
+  }
 }
 
 bool has_effect(const mpm::Scene& scene, std::string_view type) {

@@ -2,8 +2,10 @@
 #include "diagnose/analysis.hpp"
 
 #include <Eigen/Cholesky>
+#include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <utility>
 
 #include "diagnose/chi_square.hpp"
@@ -68,6 +70,35 @@ MatrixXd side_by_side(const MatrixXd& a, const MatrixXd& b) {
   return result;
 }
 
+/// Of each candidate effect the shape whose columns take most of the residual away, beside `known`
+/// ones.
+std::vector<const Linearised::Column*> nearest_shapes(const Linearised& slopes,
+                                                      const MatrixXd& known,
+                                                      const VectorXd& residual) {
+  const auto beside_known = [solver = known.completeOrthogonalDecomposition(),
+                             &known](const MatrixXd& columns) -> MatrixXd {
+    return columns - known * solver.solve(columns);
+  };
+  const VectorXd left = known.cols() > 0 ? VectorXd(beside_known(residual)) : residual;
+  struct Nearest {
+    const Linearised::Column* shape;
+    double taken;
+  };
+  std::map<int, Nearest> of_effect;
+  for (const Linearised::Column& shape : slopes.columns) {
+    if (shape.values.cols() == 0) continue;
+    const MatrixXd own = shape.values.topRows(residual.size());
+    const MatrixXd free = known.cols() > 0 ? beside_known(own) : own;
+    const double taken = (free * free.completeOrthogonalDecomposition().solve(left)).norm();
+    const auto [at, first] = of_effect.try_emplace(shape.candidate.effect, Nearest{&shape, taken});
+    if (!first && taken > at->second.taken) at->second = {&shape, taken};
+  }
+  std::vector<const Linearised::Column*> result;
+  result.reserve(of_effect.size());
+  for (const auto& [effect, nearest] : of_effect) result.push_back(nearest.shape);
+  return result;
+}
+
 std::vector<MatrixXd> covariances(const Whitening& whitening, const MatrixXd& white) {
   std::vector<MatrixXd> result;
   result.reserve(kPlausible);
@@ -85,10 +116,13 @@ double smallest_freedom(const Noise& noise) {
 
 }  // namespace
 
-MatrixXd explained_columns(const Study& study, const Linearised& slopes, const Spread& spread) {
+MatrixXd explained_columns(const Study& study, const Linearised& slopes, const Spread& spread,
+                           const VectorXd& residual) {
   const Index used = study.used().size();
   MatrixXd columns = side_by_side(slopes.theta.topRows(used), slopes.active.topRows(used));
-  columns = side_by_side(columns, candidate_columns(slopes, used));
+  for (const Linearised::Column* shape : nearest_shapes(slopes, columns, residual)) {
+    columns = side_by_side(columns, shape->values.topRows(used));
+  }
   columns =
       side_by_side(columns, smooth_basis(study.used(), study.model().captures(), kNoiseCosines));
   columns = side_by_side(columns, spread.members.topRows(used));

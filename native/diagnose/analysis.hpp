@@ -45,10 +45,12 @@ struct Analysis {
                                const Eigen::VectorXd& prediction, double bias,
                                const AnalysisOptions& options);
 
-/// Columns that noise is not estimated from: of all parameters, causes and the solver's error, and
-/// smooth ones; used rows.
+/// Columns that the noise of `residual` is not estimated from: of all parameters, causes and the
+/// solver's error, and smooth ones; used rows. A cause has one shape at a time: the one of an
+/// effect's that takes most away, beside the parameters.
 [[nodiscard]] Eigen::MatrixXd explained_columns(const Study& study, const Linearised& slopes,
-                                                const Spread& spread);
+                                                const Spread& spread,
+                                                const Eigen::VectorXd& residual);
 
 /// T_k over a sliding window of frames, one value a frame and capture after capture: when the
 /// evidence for a candidate arrives. `estimate`: α̂ in scales.

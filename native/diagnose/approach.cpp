@@ -39,7 +39,7 @@ Noise noise_left(const Study& study, const VectorXd& stacked, const Linearised& 
   const Index used = study.used().size();
   const std::vector<Capture>& captures = study.model().captures();
   return estimate_noise(study.used(), captures, stacked.head(used),
-                        explained_columns(study, slopes, spread), kNoiseFloor,
+                        explained_columns(study, slopes, spread, stacked.head(used)), kNoiseFloor,
                         body_turns(study.used(), captures, slopes.prediction.head(used)));
 }
 

@@ -131,9 +131,9 @@ class Check {
 
   void measure_noise() {
     const Spread none = Spread::none(study_.size());
-    noise_ = estimate_noise(study_.used(), model_.captures(),
-                            (study_.measured() - slopes_.prediction).head(study_.used().size()),
-                            explained_columns(study_, slopes_, none), 1e-7,
+    const VectorXd left = (study_.measured() - slopes_.prediction).head(study_.used().size());
+    noise_ = estimate_noise(study_.used(), model_.captures(), left,
+                            explained_columns(study_, slopes_, none, left), 1e-7,
                             body_turns(study_.used(), model_.captures(),
                                        slopes_.prediction.head(study_.used().size())));
     for (std::size_t c = 0; c < noise_.captures.size(); ++c) {

@@ -47,10 +47,9 @@ TEST(Noise, IsFoundBesideADiscrepancy) {
   const Linearised slopes =
       linearise(study, study.fitted(), candidates_of(model, study.fitted()), {});
   const Spread none = Spread::none(study.size());
-  const Noise found =
-      estimate_noise(study.used(), model.captures(),
-                     (study.measured() - slopes.prediction).head(study.used().size()),
-                     explained_columns(study, slopes, none), 1e-9);
+  const VectorXd left = (study.measured() - slopes.prediction).head(study.used().size());
+  const Noise found = estimate_noise(study.used(), model.captures(), left,
+                                     explained_columns(study, slopes, none, left), 1e-9);
   EXPECT_NEAR(found.captures[0].sigma, 1e-3, 1e-4);
   EXPECT_NEAR(found.captures[0].correlation, 0.6, 0.06);
   EXPECT_NEAR(found.captures[0].common_sigma, 2e-3, 6e-4);
@@ -69,7 +68,8 @@ TEST(Noise, OfAllTracksIsFoundBesideManyColumns) {
   const Study study(model, 0);
   const Linearised slopes =
       linearise(study, study.fitted(), candidates_of(model, study.fitted()), {});
-  const MatrixXd few = explained_columns(study, slopes, Spread::none(study.size()));
+  const VectorXd left = (study.measured() - slopes.prediction).head(study.used().size());
+  const MatrixXd few = explained_columns(study, slopes, Spread::none(study.size()), left);
   MatrixXd many(few.rows(), few.cols() + 300);
   Random random(7, 0);
   for (Index k = 0; k < 300; ++k) {
@@ -77,9 +77,7 @@ TEST(Noise, OfAllTracksIsFoundBesideManyColumns) {
   }
   many.rightCols(few.cols()) = few;
   many.colwise().normalize();
-  const Noise found =
-      estimate_noise(study.used(), model.captures(),
-                     (study.measured() - slopes.prediction).head(study.used().size()), many, 1e-9);
+  const Noise found = estimate_noise(study.used(), model.captures(), left, many, 1e-9);
   EXPECT_NEAR(found.captures[0].sigma, 1e-3, 1.5e-4);
   EXPECT_NEAR(found.captures[0].common_sigma, 1e-3, 4e-4);
   EXPECT_NEAR(found.captures[0].common_correlation, 0.8, 0.15);
@@ -110,7 +108,7 @@ TEST(Noise, TellsWrongPlacesFromNoise) {
   }
   const Spread none = Spread::none(study.size());
   const Noise found = estimate_noise(study.used(), model.captures(), residual,
-                                     explained_columns(study, slopes, none), 1e-9, turns);
+                                     explained_columns(study, slopes, none, residual), 1e-9, turns);
   EXPECT_NEAR(found.captures[0].sigma, 1e-3, 1e-4);
   EXPECT_NEAR(found.captures[0].correlation, 0.0, 0.1);
   EXPECT_NEAR(found.captures[0].place_sigma, 2e-3, 6e-4);

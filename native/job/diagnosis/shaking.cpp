@@ -18,6 +18,8 @@ namespace {
 constexpr const char* kShakes = "frame_acceleration";
 /// A set of slopes takes six simulations for each.
 constexpr std::size_t kFrequencies = 4;
+/// Periods in the recording: a sway that has not come back twice is any smooth acceleration.
+constexpr double kFewestPeriods = 2.0;
 /// Of the frame rate: four samples a period.
 constexpr double kHighest = 0.25;
 /// In the acceleration's scale: at high frequencies a hundredth of it moves a body by less than the
@@ -45,7 +47,7 @@ std::array<effects::Effect, 2> shaken(double frequency, std::span<const double> 
 }  // namespace
 
 std::optional<Cause> shaking(const mpm::Scene& scene, double duration) {
-  const double lowest = 1.0 / duration;
+  const double lowest = kFewestPeriods / duration;
   const double highest = kHighest * scene.fps;
   if (!(lowest < highest) || has_effect(scene, kShakes)) return std::nullopt;
   const effects::EffectType& type = *effects::make_effect(kShakes).type;

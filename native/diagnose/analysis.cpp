@@ -70,16 +70,18 @@ MatrixXd side_by_side(const MatrixXd& a, const MatrixXd& b) {
   return result;
 }
 
-/// Of each candidate effect the shape whose columns take most of the residual away, beside `known`
+/// The shape of each candidate effect whose columns take most of the residual away, beside `known`
 /// ones.
 std::vector<const Linearised::Column*> nearest_shapes(const Linearised& slopes,
                                                       const MatrixXd& known,
                                                       const VectorXd& residual) {
-  const auto beside_known = [solver = known.completeOrthogonalDecomposition(),
-                             &known](const MatrixXd& columns) -> MatrixXd {
+  Eigen::CompleteOrthogonalDecomposition<MatrixXd> solver;
+  if (known.cols() > 0) solver.compute(known);
+  const auto beside_known = [&](const MatrixXd& columns) -> MatrixXd {
+    if (known.cols() == 0) return columns;
     return columns - known * solver.solve(columns);
   };
-  const VectorXd left = known.cols() > 0 ? VectorXd(beside_known(residual)) : residual;
+  const VectorXd left = beside_known(residual);
   struct Nearest {
     const Linearised::Column* shape;
     double taken;
@@ -88,7 +90,7 @@ std::vector<const Linearised::Column*> nearest_shapes(const Linearised& slopes,
   for (const Linearised::Column& shape : slopes.columns) {
     if (shape.values.cols() == 0) continue;
     const MatrixXd own = shape.values.topRows(residual.size());
-    const MatrixXd free = known.cols() > 0 ? beside_known(own) : own;
+    const MatrixXd free = beside_known(own);
     const double taken = (free * free.completeOrthogonalDecomposition().solve(left)).norm();
     const auto [at, first] = of_effect.try_emplace(shape.candidate.effect, Nearest{&shape, taken});
     if (!first && taken > at->second.taken) at->second = {&shape, taken};

@@ -12,6 +12,7 @@
 #include "diagnose/extend.hpp"
 #include "diagnose/localise.hpp"
 #include "diagnose/next_recording.hpp"
+#include "diagnose/starts.hpp"
 
 namespace matterfit::diagnose {
 namespace {
@@ -26,8 +27,8 @@ constexpr double kExplainsEnough = 0.8;
 constexpr double kLeavesNothing = 0.95;
 /// The first on what was kept back, which is farther from what was fitted to.
 constexpr double kPredictsEnough = 0.6;
-/// The same of several causes that leave something else: numbers of unlike things together imitate
-/// much of what none of them is.
+/// Several causes that leave something else predict so much: numbers of unlike things together
+/// imitate much of what none of them is.
 constexpr double kTogetherPredict = 0.95;
 /// The least gain, of its interval, at which a share kExplainsEnough of the whole misfit is enough.
 constexpr double kSurelyPredicts = 0.5;
@@ -263,7 +264,11 @@ class Writer {
           100.0 * cause.keep);
     }
     if (cause.p >= options_.level) return "Not above what noise alone gives.";
-    if (!cause.refitted) return "Its signature fits the residual less well than that of others.";
+    if (!cause.refitted) {
+      const std::string& beside = model_.effects()[std::size_t(cause.effect_index)].beside;
+      return beside.empty() ? "Its signature fits the residual less well than that of others."
+                            : "Sought beside " + beside + " only.";
+    }
     if (!cause.gain_measurable) {
       return fmt::format("Explains {:.0f} % of the excess; nothing held out can test it.",
                          100.0 * cause.explained);
@@ -437,7 +442,8 @@ class Writer {
         evidence = trial->evidence;
       }
       if (!cause.observable) evidence = base + 2.0 * double(cause.parameters.size());
-      cause.probability = weight(prior, evidence);
+      const Candidate candidate{cause.effect_index, cause.variant};
+      cause.probability = stands(model_, candidate, {}) ? weight(prior, evidence) : 0.0;
       if (!(several && cause.accepted)) sum += cause.probability;
     }
     double pair = 0.0;

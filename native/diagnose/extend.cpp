@@ -273,7 +273,9 @@ class Search {
     std::vector<Trial> known = std::move(out_.singles);
     out_.singles.clear();
     const std::vector<Score>& scores = out_.first->scores;
-    const std::vector<std::size_t> order = best_shapes(scores);
+    std::vector<std::size_t> order = best_shapes(scores);
+    std::erase_if(order,
+                  [&](std::size_t k) { return !stands(study_.model(), scores[k].candidate, {}); });
     if (order.empty()) return;
     const Score& top = scores[order.front()];
     std::vector<Attempt> attempts;
@@ -292,7 +294,6 @@ class Search {
       if (int(attempts.size() - set) >= options_.refits) break;
       const Score& score = scores[k];
       if (!effect_of(score).onsets.empty() || !effect_of(score).tries.empty()) continue;
-      if (!stands(study_.model(), score.candidate, {})) continue;
       if (is_attempted(score.candidate.effect, attempts)) continue;
       if (out_.first->placebo.p(score.equivalent) >= options_.analysis.placebo.level) break;
       const double imitates = out_.first->test.imitation(order.front(), top.estimate, k);

@@ -141,6 +141,11 @@ class Further {
            analysis.placebo.p(analysis.scores[order.front()].equivalent) < options_.further_level;
   }
 
+  /// Whether a score at the base is above what noise makes.
+  [[nodiscard]] bool is_seen(const Score& score) const {
+    return out_.first->placebo.p(score.equivalent) < options_.further_level;
+  }
+
   /// Whether what was kept back is predicted as well as noise and solver let it be: a further cause
   /// could show itself nowhere.
   [[nodiscard]] bool predicts_to_the_floor(const Trial& trial) const {
@@ -175,7 +180,8 @@ class Further {
         pairs, [](const Found& a, const Found& b) { return a.statistic > b.statistic; });
     if (pairs.size() > 2) pairs.resize(2);
     for (const std::size_t l : all) {
-      if (alone(l)) continue;
+      if (alone(l) || !is_seen(out_.first->scores[l])) continue;
+      if (stands(study_.model(), candidate(l), out_.best->causes)) continue;  // extend() has it
       for (const std::size_t k : all) {
         if (stands(study_.model(), candidate(l), {candidate(k)})) pairs.push_back({0.0, k, l});
       }
@@ -226,7 +232,7 @@ class Further {
     for (std::size_t c = 0; c < out_.best->causes.size(); ++c) {
       if (is_needed(*out_.best, c)) continue;
       std::size_t tried = 0;
-      for (const Candidate& other : like(out_.best->causes[c])) {
+      for (const Candidate& other : like(c)) {
         if (tried++ < kFurther) put_in_place(c, other, slopes, attempts);
       }
     }
@@ -241,11 +247,13 @@ class Further {
     adopt(std::move(trials.front()), slopes);
   }
 
-  /// Causes that the catalogue calls like `cause` or that are called like it, in their best shapes,
-  /// with no more numbers, of which the best model has none.
-  [[nodiscard]] std::vector<Candidate> like(const Candidate& cause) const {
+  /// Causes that the catalogue calls like the best model's cause c or that are called like it, in
+  /// their best shapes, with no more numbers, of which the best model has none.
+  [[nodiscard]] std::vector<Candidate> like(std::size_t c) const {
     const std::vector<Effect>& effects = study_.model().effects();
-    const Effect& own = effects[std::size_t(cause.effect)];
+    std::vector<Candidate> others = out_.best->causes;
+    const Effect& own = effects[std::size_t(others[c].effect)];
+    others.erase(others.begin() + std::ptrdiff_t(c));
     std::vector<Candidate> result;
     for (const std::size_t k : best_shapes(out_.first->scores)) {
       const Candidate& candidate = out_.first->scores[k].candidate;
@@ -256,7 +264,7 @@ class Further {
       const bool alike = std::ranges::count(own.confused_with, other.name) > 0 ||
                          std::ranges::count(other.confused_with, own.name) > 0;
       if (!there && alike && other.numbers.size() <= own.numbers.size() &&
-          stands(study_.model(), candidate, out_.best->causes)) {
+          stands(study_.model(), candidate, others)) {
         result.push_back(candidate);
       }
     }

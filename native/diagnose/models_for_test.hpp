@@ -240,7 +240,7 @@ class ThrownModel : public HiddenModel {
   }
   /// A push that no effect knows: sideways, by a bump in time, growing along the body [m/s²].
   double unknown_push = 0.0;
-  /// A kick that no effect knows, in the middle of what is fitted [m/s].
+  /// A kick that no effect knows, in the middle of the recording [m/s].
   Vec3d unknown_kick = Vec3d::Zero();
 
  protected:
@@ -253,6 +253,7 @@ class ThrownModel : public HiddenModel {
     Vec3d down = -Vec3d::UnitZ();
     double linear = 0.0;
     double quadratic = 0.0;
+    bool has_drag = false;
     double field = 0.0;
     double spin = 0.0;
     double bend = 0.0;
@@ -267,6 +268,7 @@ class ThrownModel : public HiddenModel {
         down = Vec3d(cause.values[0], cause.values[1], -1.0).normalized();
       }
       if (name == "drag_linear") linear = cause.values[0];
+      has_drag = has_drag || name == "drag_quadratic";
       if (name == "drag_quadratic" || name == "drag_twin") quadratic += cause.values[0];
       if (name == "force_field") field = cause.values[0];
       if (name == "spin") spin = cause.values[0];
@@ -282,7 +284,7 @@ class ThrownModel : public HiddenModel {
       Vec3d v = point.theta.segment<3>(Eigen::Index(3 * c));
       const auto acceleration = [&](const Vec3d& at, const Vec3d& u) -> Vec3d {
         const Vec3d in_air = u - wind;
-        const double moved = quadratic > 0.0 ? quadratic : 0.05;
+        const double moved = has_drag ? quadratic : 0.05;
         return gravity * down + shaking - linear * u - quadratic * u.norm() * u -
                moved * (in_air.norm() * in_air - u.norm() * u) + field * at[0] * Vec3d::UnitY();
       };

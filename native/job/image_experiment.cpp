@@ -298,7 +298,7 @@ ImageStanding ImageExperiment::standing(const std::vector<double>& values) {
 }
 
 Eigen::VectorXd ImageExperiment::residuals_at(double level, const std::vector<double>& values,
-                                              double blur) {
+                                              double blur, const std::function<void()>& settle) {
   /// Puts the resolution of the document back.
   struct Back {
     ImageExperiment& of;
@@ -317,9 +317,7 @@ Eigen::VectorXd ImageExperiment::residuals_at(double level, const std::vector<do
   for (const ImageSighting& sighting : films_.sightings) {
     back.sizes.push_back(sighting.reduced.view.size);
   }
-  settle_steps(values);
-  settle_sizes(values);
-  if (back.own->colours) learn_colours(values);
+  settle();
   fit::ImageProblem coarser = problem(values, blur);
   std::optional<Eigen::VectorXd> found = coarser.evaluate({natural(values)}).front();
   if (!found) throw_compute(coarser.failure());

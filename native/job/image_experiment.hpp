@@ -59,7 +59,7 @@ class ImageExperiment {
   /// False: no image shows any.
   bool learn_colours(const std::vector<double>& values);
 
-  /// The same in the natural coordinates of the parameters.
+  /// Values in the natural coordinates of the parameters.
   [[nodiscard]] Eigen::VectorXd natural(const std::vector<double>& values) const;
   /// The parameters with these values as their starts.
   [[nodiscard]] std::vector<fit::Parameter> parameters_from(
@@ -83,11 +83,10 @@ class ImageExperiment {
   /// The errors of all images, in their own pixels, and of all tracks, held-out ones too.
   [[nodiscard]] ImageStanding standing(const std::vector<double>& values);
 
-  /// The residuals of problem() with `level` times the particle separation: particles' sizes and
-  /// colours are found anew for these. Throws Error(kInput) or Error(kCompute) where there are
-  /// none.
+  /// The residuals of problem() with `level` times the particle separation; `settle` settles its
+  /// substeps, sizes and colours. Throws Error(kInput) or Error(kCompute) where there are none.
   [[nodiscard]] Eigen::VectorXd residuals_at(double level, const std::vector<double>& values,
-                                             double blur);
+                                             double blur, const std::function<void()>& settle);
 
  private:
   /// What belongs to one particle separation.
@@ -101,7 +100,7 @@ class ImageExperiment {
   [[nodiscard]] std::vector<fit::Run>& runs() { return loaded_.experiment.runs; }
   [[nodiscard]] std::vector<mpm::Scene> build_scenes(double level) const;
   void make_parameters(const std::vector<mpm::Scene>& scenes, std::vector<fit::ParameterSpec> more);
-  /// Its scenes of the parameters.
+  /// What belongs to these scenes; the parameters must be there.
   [[nodiscard]] std::unique_ptr<Resolution> resolution(std::vector<mpm::Scene> scenes);
   [[nodiscard]] std::vector<std::vector<std::uint8_t>> moved_cameras() const;
   /// What of the memory limit is left for simulations [GB]. Throws Error(kInput) where the fit does

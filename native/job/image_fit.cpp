@@ -149,6 +149,11 @@ class ImageFit {
       return;
     }
     say("Fitting: going on", 0.01);
+    settle_as_kept();
+  }
+
+  /// Where the checkpoint says that they were settled.
+  void settle_as_kept() {
     scene_->settle_steps(state_.stepped_at);
     scene_->settle_sizes(state_.sized_at);
     if (!state_.coloured_at.empty()) scene_->learn_colours(state_.coloured_at);
@@ -406,7 +411,11 @@ class ImageFit {
                          at.effective(state_.search->residual), 0.0, at.blocks());
     const auto change = fit::grid_change(
         state_.search->residual,
-        [&] { return scene_->residuals_at(fit::kCoarser, state_.values, kNarrow); }, statements_);
+        [&] {
+          return scene_->residuals_at(fit::kCoarser, state_.values, kNarrow,
+                                      [this] { settle_as_kept(); });
+        },
+        statements_);
     if (change) {
       fit::add_grid_error(search_->parameters(), *state_.search, *change, fit::kOfCoarser, 0.0,
                           known);

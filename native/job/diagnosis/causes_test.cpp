@@ -101,6 +101,38 @@ TEST(Causes, AreWrittenAsTheyAct) {
   EXPECT_GT(acting, 10);
 }
 
+/// A wind takes the numbers of the drag it stands beside, in the scene as in the document.
+TEST(Causes, WindTakesTheNumbersOfTheDrag) {
+  for (const Json& coefficient :
+       {Json(), Json(2.0), Json{{"frames", {0, 4}}, {"values", {1.0, 3.0}}}, Json(0.0)}) {
+    Json document = sliding_cube();
+    if (!coefficient.is_null()) {
+      document["scene"]["effects"] = {
+          {{"effect", "drag_quadratic"}, {"drag_coefficient", coefficient}, {"air_density", 80.0}}};
+    }
+    const std::vector<Cause> causes = causes_of(document);
+    const auto wind = std::ranges::find(causes, "wind", [](const Cause& c) { return c.row.name; });
+    ASSERT_NE(wind, causes.end());
+    EXPECT_EQ(wind->row.beside, coefficient.is_null() ? "drag_quadratic" : "");
+    mpm::Scene there = scene_of(document);
+    Json extended = document;
+    if (coefficient.is_null()) {
+      const auto drag =
+          std::ranges::find(causes, "drag_quadratic", [](const Cause& c) { return c.row.name; });
+      drag->apply(std::vector<double>{3.0}, 0, there);
+      drag->write(std::vector<double>{3.0}, 0, extended["scene"]);
+    }
+    const std::vector<double> blows{6.0, 2.0, 0.0};
+    const std::vector<Vec3d> calm = moved(there, kStepsAFrame);
+    wind->apply(blows, 0, there);
+    wind->write(blows, 0, extended["scene"]);
+    const std::vector<Vec3d> applied = moved(there, kStepsAFrame);
+    EXPECT_LT(apart(applied, moved(scene_of(extended), kStepsAFrame)), 1e-6 * kSize);
+    EXPECT_EQ(there.effects.back().values[3], there.effects.front().values[0]);
+    EXPECT_EQ(apart(applied, calm) > 1e-6 * kSize, coefficient != 0.0) << coefficient;
+  }
+}
+
 const Cause& named(const std::vector<Cause>& causes, const std::string& name) {
   const auto found =
       std::ranges::find_if(causes, [&](const Cause& cause) { return cause.row.name == name; });

@@ -24,15 +24,20 @@ Json effect_entry(const effects::Effect& effect) {
 
 void take_shared(const mpm::Scene& scene, effects::Effect& effect) {
   const auto other = std::ranges::find_if(scene.effects, [&](const effects::Effect& there) {
-    return there.type->name == effect.type->beside && !effects::is_neutral(there);
+    return there.type->name == effect.type->beside &&
+           (there.body.empty() || there.body == effect.body);
   });
   if (other == scene.effects.end()) return;
+  if (!other->keys.empty()) effect.keys.resize(effect.values.size());
   for (std::size_t p = 0; p < effect.type->parameters.size(); ++p) {
     const effects::EffectParameter& parameter = effect.type->parameters[p];
     const std::optional<std::size_t> same = other->type->find(parameter.key);
     if (!same) continue;
     std::copy_n(other->values.begin() + std::ptrdiff_t(other->type->offset(*same)), parameter.size,
                 effect.values.begin() + std::ptrdiff_t(effect.type->offset(p)));
+    if (other->keys.empty()) continue;
+    std::copy_n(other->keys.begin() + std::ptrdiff_t(other->type->offset(*same)), parameter.size,
+                effect.keys.begin() + std::ptrdiff_t(effect.type->offset(p)));
   }
 }
 
@@ -40,7 +45,9 @@ void take_shared(const Json& scene, const effects::EffectType& type, Json& entry
   const auto there = scene.find("effects");
   if (there == scene.end()) return;
   for (const Json& other : *there) {
+    const std::string body = other.value("body", std::string());
     if (other.value("effect", std::string()) != type.beside) continue;
+    if (!body.empty() && body != entry.value("body", std::string())) continue;
     for (const effects::EffectParameter& parameter : type.parameters) {
       if (other.contains(parameter.key)) entry[parameter.key] = other.at(parameter.key);
     }

@@ -14,7 +14,7 @@ namespace matterfit::job {
 [[nodiscard]] Json effect_entry(const effects::Effect& effect);
 
 /// Gives an effect the numbers that it has in common with the one it stands beside
-/// (EffectType::beside), where the scene has that with numbers that do something.
+/// (EffectType::beside), where the scene has one on its body.
 void take_shared(const mpm::Scene& scene, effects::Effect& effect);
 /// The same between entries of a document's scene.effects.
 void take_shared(const Json& scene, const effects::EffectType& type, Json& entry);

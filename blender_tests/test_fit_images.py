@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Fits to images: what the panel offers and the document says of them, and what their results show."""
 
+import math
 import os
 from unittest import mock
 
@@ -144,10 +145,11 @@ class HoldOutTest(ImageFitCase):
 
 
 class CurveTest(ImageFitCase):
-    """Two searches for the throw, of which the first is told to end, and one for all that has begun."""
+    """Three searches for the throw, of which the first is told to end, and one for all, which ends by another cost
+    than that of its last step, as its plan was refined."""
 
     STEPS = (("throw", 1, 400.0), ("throw", 2, 100.0), ("throw", 2, 100.0), ("throw", 1, 900.0),
-             ("wide", 1, 50.0), ("wide", 2, 2.0))
+             ("throw", 1, 400.0), ("wide", 1, 50.0), ("wide", 2, 2.5), ("wide", 2, 2.0))
 
     def setUp(self):
         super().setUp()
@@ -165,14 +167,15 @@ class CurveTest(ImageFitCase):
     def test_each_search_is_compared_with_its_own_first_step(self):
         found = fit_overlay.live_curve(self.running())
         self.assertEqual([(segment.stage, segment.places, segment.errors) for segment in found],
-                         [("throw", [0, 1, 2], [1.0, 0.5, 0.5]), ("throw", [3], [1.0]), ("wide", [4, 5], [1.0, 0.2])])
+                         [("throw", [0, 1, 2], [1.0, 0.5, 0.5]), ("throw", [3], [1.0]), ("throw", [4], [1.0]),
+                          ("wide", [5, 6, 7], [1.0, math.sqrt(0.05), 0.2])])
 
     def test_what_the_panel_and_the_viewport_say(self):
         self.running()
         self.assertIn("wide: misfit 20 % of the search's first step", texts(fit_panel.MATTERFIT_PT_fit))
         with mock.patch.object(drawing, "Graph") as graph:
             self.assertEqual(fit_overlay.draw(bpy.context, False), 1)
-        self.assertEqual(graph.return_value.curve.call_count, 3)
+        self.assertEqual(graph.return_value.curve.call_count, 4)
         graph.return_value.labels.assert_called_once_with(
             "Fit: wide", "100 %", "20 %", "misfit 20 % of the search's first step")
         self.fit.show_history = False

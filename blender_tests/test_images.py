@@ -154,10 +154,12 @@ class ImportTest(ImagesCase):
         self.scene.render.resolution_x, self.scene.render.resolution_y = WIDTH, HEIGHT
         shown.frame_method = "STRETCH"
         other = blender_cameras.set_background(self.camera(), shown.image)
-        self.scene.render.resolution_x, before = 2 * WIDTH, (shown.frame_method, other.frame_method)
+        other.frame_method = "STRETCH"
         camera_frames.fill_all()
-        self.assertEqual(before[0], "STRETCH")
-        self.assertEqual((shown.frame_method, other.frame_method), ("CROP", before[1]))
+        self.assertEqual((shown.frame_method, other.frame_method), ("STRETCH", "STRETCH"))
+        self.scene.render.resolution_x = 2 * WIDTH
+        camera_frames.fill_all()
+        self.assertEqual((shown.frame_method, other.frame_method), ("CROP", "STRETCH"))
 
     @needs_library
     def test_where_a_point_lies_in_such_a_photograph(self):

@@ -7,8 +7,8 @@ import os
 import bpy
 import numpy
 from matterfit import jobs
-from matterfit.io import blender_cameras, files, job_render, lost, takes
-from matterfit.ops import launch
+from matterfit.io import batch, blender_cameras, files, job_render, lost, takes
+from matterfit.ops import launch, preview_extended
 from support import needs_library, run_cli, tree
 from test_images import HEIGHT, WIDTH, ImagesCase
 
@@ -271,6 +271,122 @@ class RenderTakeTest(ImagesCase):
             self.assertEqual(self.seen(first), ["photograph"])
         bpy.ops.matterfit.flip_photograph()
         self.assertEqual(self.seen(first), [0])
+
+    @needs_library
+    def test_two_cameras_that_show_the_same_pictures(self):
+        """What is chosen in one's view is not chosen in the other's."""
+        first = self.scene.camera
+        self.photograph()
+        copy = first.copy()
+        copy.data = first.data.copy()
+        copy.name = "Copy"
+        self.scene.collection.objects.link(copy)
+        bpy.ops.matterfit.render_take()
+        self.scene.camera = copy
+        self.assertEqual(bpy.ops.matterfit.render_take(), {"FINISHED"}, self.error())
+        self.assertEqual([self.pictures(camera)[0] for camera in (first, copy)], ["camera_0", "camera_0"])
+        bpy.ops.matterfit.add_take()
+        for flipped, other in ((first, copy), (copy, first)):
+            self.settings.take_index, self.scene.camera = 0, flipped
+            bpy.ops.matterfit.flip_photograph()
+            self.settings.take_index = 1
+            self.settings.take_index = 0
+            self.assertEqual((self.seen(flipped), self.seen(other)), (["photograph"], ["photograph", 0]))
+            for shown in flipped.data.background_images:
+                shown.show_background_image = True
+
+    def drawn_again(self, index):
+        """What job_render.show() takes of the take that was drawn last, which has that index."""
+        folder = takes.locate(self.settings.takes[index]).folder
+        return (self.scene, folder, launch.written_document(folder)["render"], jobs.registry.current.result)
+
+    @needs_library
+    def test_another_take_is_drawn_while_a_photograph_is_chosen(self):
+        first, second = self.two_takes()
+        self.photograph()  # of the second
+        drawn = self.drawn_again(1)
+        self.settings.take_index = 0
+        bpy.ops.matterfit.flip_photograph()
+        chosen = self.seen(second)
+        self.assertEqual(len(chosen), 1)
+        job_render.show(*drawn)
+        self.assertEqual((self.seen(first), self.seen(second)), (["photograph", 0], chosen))
+        self.settings.take_index = 1
+        self.assertEqual(self.seen(second), chosen)
+        # Who draws the active one wants to see it.
+        job_render.show(*drawn)
+        self.assertEqual(self.seen(second), [1, *chosen])
+
+    @needs_library
+    def test_pictures_that_cannot_be_loaded(self):
+        """The active take's are shown still."""
+        first, second = self.two_takes()
+        scene, folder, render, result = self.drawn_again(1)
+        self.settings.take_index = 0
+        before = self.seen(first), self.seen(second)
+        gone = [path.replace("0001", "9001") for path in result["render"]["files"]]
+        with self.assertRaises(RuntimeError):
+            job_render.show(scene, folder, render, {**result, "render": {**result["render"], "files": gone[:1]}})
+        self.assertEqual((self.seen(first), self.seen(second)), before)
+
+    def only_the_first(self, first, second, image):
+        """Its take is left, and that image, of the second's, is behind no view."""
+        self.assertEqual(len(self.settings.takes), 1)
+        self.assertNotIn(image, [shown.image for shown in second.data.background_images])
+        self.assertEqual((self.seen(first), self.seen(second)), (["photograph", 0], [0]))
+
+    @needs_library
+    def test_a_preview_that_makes_room(self):
+        first, second = self.two_takes()
+        image = self.pictures_seen(second)
+        preview_extended.MATTERFIT_OT_preview_extended._remove(self.settings, 1)
+        self.only_the_first(first, second, image)
+
+    @needs_library
+    def test_a_batch_that_is_freed(self):
+        first, second = self.two_takes()
+        image = self.pictures_seen(second)
+        self.settings.batch.run.folder = "//cache_matterfit_batch/"
+        self.settings.takes[1].folder = "//cache_matterfit_batch/velocity.2=-1/"
+        image.filepath = "//cache_matterfit_batch/velocity.2=-1/render/camera_0/0001.png"
+        batch.free(self.scene)
+        self.only_the_first(first, second, image)
+
+    def pictures_seen(self, camera):
+        return next(shown.image for shown in camera.data.background_images if shown.show_background_image)
+
+    @needs_library
+    def test_a_linked_take_that_is_baked(self):
+        """Its pictures are of what it was linked to: they go when it gets a folder of its own, and are there
+        again where nothing comes of the bake."""
+        first, second = self.two_takes()
+        self.save("other.blend")
+        self.settings.take_index = 0
+        take = self.settings.takes[0]
+        self.assertTrue(takes.locate(take).linked)
+        path = os.path.join(self.folder, "cut.ply")
+        with open(path, "wb") as file:
+            file.write(b"ply\nformat binary_little_endian 1.0\nelement vertex 9\n")
+        row = self.settings.bodies.add()
+        row.name, row.source, row.filepath = "Cut", "GAUSSIANS", path
+        folder, before = take.folder, self.sequences(first, second)
+        self.fails(bpy.ops.matterfit.bake, ["cut.ply"])
+        self.assertEqual((self.settings.takes[0].folder, self.sequences(first, second)), (folder, before))
+        self.assertEqual((self.seen(first), self.seen(second)), (["photograph", 0], [0]))
+        row.enabled = False
+        self.assertEqual(bpy.ops.matterfit.bake(), {"FINISHED"}, self.error())
+        self.assertNotEqual(self.settings.takes[0].folder, folder)
+        self.assertEqual((self.seen(first), self.seen(second)), (["photograph"], []))
+        self.assertEqual((len(first.data.background_images), len(second.data.background_images)), (1, 1))
+        self.settings.take_index = 1
+        self.assertEqual((self.seen(first), self.seen(second)), (["photograph"], [1]))
+
+    def sequences(self, *cameras):
+        """What is shown of each camera's sequences, in no order."""
+        return [sorted((shown.image.filepath, shown.display_depth, shown.show_background_image, shown.alpha,
+                        shown.frame_method, shown.image_user.frame_start, shown.image_user.frame_offset,
+                        shown.image_user.frame_duration) for shown in camera.data.background_images
+                       if shown.image.source == "SEQUENCE") for camera in cameras]
 
     @needs_library
     def test_a_take_that_is_drawn_while_another_is_active(self):

@@ -36,6 +36,24 @@ std::string overlap_warning(const Json& silhouettes, double noise_scale, bool fi
           : "the scene's throw, placement or cameras are not the recording's.");
 }
 
+/// What was held out must be met about as what was fitted is: a camera that stands elsewhere than
+/// its file says, or the mattes of another body, judge nothing.
+std::string unmet_warning(const Json& silhouettes) {
+  constexpr double kMuchLess = 0.6;  // of the overlap of what was fitted
+  const auto overlap = [&](const char* which) {
+    const Json& part = silhouettes.at(which);
+    return part.is_object() && part.contains("iou") ? part.at("iou").get<double>() : -1.0;
+  };
+  const double fitted = overlap("fitted");
+  const double held = overlap("held_out");
+  if (held < 0.0 || held >= kMuchLess * fitted) return "";
+  return fmt::format(
+      "The outlines that were held out overlap by {:.1f} % only, those that were fitted by {:.1f} "
+      "%: the values do not predict them. Look at the overlays: the scene may lack something, or a "
+      "camera stands elsewhere than its file says.",
+      100.0 * held, 100.0 * fitted);
+}
+
 void add_sentence(const std::string& more, Json& warning) {
   if (more.empty()) return;
   const auto before = warning.get<std::string>();
@@ -87,6 +105,7 @@ Json image_fit_json(const ImageFitEnd& end, std::vector<std::string> statements)
   add_sentence(
       overlap_warning(after.silhouettes, std::sqrt(end.misfit.images), end.scene.finds_throw()),
       json["warning"]);
+  add_sentence(unmet_warning(after.silhouettes), json["warning"]);
   add_sentence(held_out_warning(after.tracks), json["warning"]);
   return json;
 }

@@ -305,6 +305,20 @@ TEST(ImageFit, OneCameraThatIsHeldOutIsPredicted) {
   EXPECT_GT(after.at("held_out").at("iou").get<double>(), 0.9);
 }
 
+TEST(ImageFit, AHeldOutCameraThatLooksElsewhereIsAWarning) {
+  const Folder folder;
+  film(filmed_cube(), folder.path, two_cameras());
+  const fs::path path = folder.path / "clip/transforms.json";
+  capture::CameraSet set = capture::read_cameras(path);
+  set.cameras[1].translation.x() += 20.0;
+  write_file(path, capture::format_cameras(set));
+  Json document = fit_to_clip({"material.E"});
+  document["captures"][0]["holdout"] = {{"cameras", {1}}};
+  document["fit"]["iterations"] = 2;
+  const Json fit = run(document, folder.path).at("fit");
+  EXPECT_THAT(fit.at("warning").get<std::string>(), HasSubstr("do not predict them"));
+}
+
 TEST(ImageFit, WhatCannotBeFittedIsNamed) {
   const Folder folder;
   std::vector<splat::Camera> cameras = two_cameras();

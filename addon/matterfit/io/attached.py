@@ -5,7 +5,7 @@ import bpy
 
 from ..compat import translate
 from ..jobs import JobError
-from . import cache, shapes, visibility
+from . import cache, shapes, take_pictures, visibility
 from .result_objects import CACHE_TAG, TAG, objects_of
 
 
@@ -36,11 +36,13 @@ def detach_kind(take, kind):
 
 
 def detach(scene, take):
-    """Removes the take's objects; the artist's own come back where no other take is shown.
+    """Removes the take's objects, and its pictures from the views of cameras; the artist's own objects come
+    back where no other take is shown.
 
     A take that shares its cache with one of another scene lets go of both, and of what only this
     scene shows of it.
     """
+    take_pictures.remove(scene, take)
     items = objects_of(scene, take)
     collection = take.collection
     take.collection = None

@@ -21,7 +21,7 @@ CAPTURE, NUMBER, PLACE, LENS = ("matterfit_capture", "matterfit_camera", "matter
                                 "matterfit_lens")
 
 DRAWN = "matterfit_drawn"  # on an image: what Render Splats or Render Take has drawn
-AWAY = "matterfit_away"  # on an image of a take that is not the active one: whether it was seen before
+AWAY = "matterfit_away"  # on an image of a take that is not the active one
 
 
 def image_size(scene):

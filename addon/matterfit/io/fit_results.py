@@ -278,15 +278,15 @@ def segments(entries):
 
 
 def _searches(entries):
-    """Those of a fit to images, which tells no error in mm. Each of its searches has residuals of its own, of
+    """The stretches of a fit to images, which tells no error in mm. Each of its searches has residuals of its own, of
     other frames or another blur: the root of its cost is compared with that after its first step."""
     found, first, last = [], 1.0, None
     for place, entry in enumerate(entries):
         stage, iteration, cost = str(entry.get("stage", "")), entry.get("iteration", 0), entry.get("cost")
         if not _above_zero(cost):
             continue
-        # The step by which a search ends is told twice.
-        if last is None or stage != last[0] or iteration <= last[1] and cost != last[2]:
+        # The step by which a search ends is told twice, of a refined plan with another cost.
+        if last is None or stage != last[0] or iteration < last[1] or iteration == last[1] == 1 and cost != last[2]:
             found.append(Segment(stage, "", of_images=True))
             first = cost
         found[-1].places.append(place)

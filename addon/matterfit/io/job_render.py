@@ -79,8 +79,12 @@ def show(scene, folder, render, result):
     """Shows the pictures of a finished render behind what each camera sees, each at its frame, while its take
     is the active one. `render`: the document's. Returns the names of the cameras from behind whose views it has
     taken such as are another's now, or removed."""
+    with take_pictures.drawing(scene.matterfit, takes.find(folder)[1]):
+        return _show(scene, folder, render, result)
+
+
+def _show(scene, folder, render, result):
     found, drawn, said = {}, [], []
-    take_pictures.show_of(scene.matterfit, takes.find(folder)[1])  # its pictures replace those of no other
     for path in result["render"]["files"]:
         found.setdefault(os.path.basename(os.path.dirname(path)), []).append(path)
     for camera, number in _drawn_through(scene, folder, render):
@@ -103,7 +107,6 @@ def show(scene, folder, render, result):
                 blender_cameras.remove_background(data, image)
                 said.append(data.name)
     hide_removed(folder)
-    take_pictures.show_active(scene.matterfit)
     return said
 
 

@@ -48,7 +48,7 @@ class Size:
         whole = [numpy.ceil(count - 1e-3) for count in layers]
         if self.wires:
             whole[:2] = numpy.maximum(numpy.ceil(numpy.add(layers[:2], BOTH_ENDS - 1e-3)), 2.0)
-        elif thickness < THIN * middle:  # in the mean over where it lies
+        elif thickness < THIN * middle:  # the count is a mean over where the wall lies
             whole[0] = max(whole[0], layers[0] + BOTH_ENDS)
         return self.volume * float(numpy.prod(numpy.divide(whole, layers))) / separation**3
 

@@ -11,7 +11,7 @@ from ..compat import translate
 from ..jobs import JobError
 from ..names import unique
 from ..props import scene as scene_props
-from . import attached, cache, visibility
+from . import attached, cache, take_pictures, visibility
 
 PREFIX = "cache_matterfit_"
 CACHE_VALUES = ("folder", "owner", "baked", "compared", "frames_done")  # what a take says of its cache
@@ -75,6 +75,7 @@ def claim(take):
     if location.shared:
         attached.detach(scene, take)
     if not take.folder or location.linked:
+        take_pictures.remove(scene, take)  # they are of what the folder before holds
         shown = attached.objects_of(scene, take)
         while True:
             name = PREFIX + secrets.token_hex(4)
@@ -209,6 +210,7 @@ class Kept:
         self._gravity = tuple(take.gravity)
         self._rows = {name: [_contents(row) for row in getattr(take, name)]
                       for name in ("throws", "colliders")}
+        self._pictures = take_pictures.kept(take.id_data, take)
 
     def is_in(self, take):
         """Whether the take has the folder that it had."""
@@ -225,6 +227,7 @@ class Kept:
         for name in CACHE_VALUES:
             setattr(take, name, self._values[name])
         attached.mark(shown, cache.name_of(take))
+        take_pictures.put_back(take.id_data.matterfit, self._pictures)
 
     def put_back(self, take):
         """All of it."""

@@ -188,6 +188,7 @@ class MATTERFIT_OT_bake(BakeJob, bpy.types.Operator):
             return
         if index is None:
             return
+        attached.detach(settings.id_data, take)
         if take.folder:
             # The reason why the bake ended is reported.
             with contextlib.suppress(JobError):

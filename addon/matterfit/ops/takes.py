@@ -4,7 +4,7 @@
 import bpy
 
 from ..compat import translate
-from ..io import attached, cache, job_render, take_pictures, takes
+from ..io import attached, cache, job_render, takes
 from ..jobs import JobError
 from ..props import scene as scene_props
 from .base import NoJobRunning, PlainOperator, greyed, remove_active, session
@@ -51,8 +51,6 @@ class MATTERFIT_OT_remove_take(NoJobRunning, PlainOperator, bpy.types.Operator):
         if location.exists and not location.linked:
             cache.free(location.folder)
             job_render.hide_removed(location.folder)
-        elif take.folder:
-            take_pictures.remove(scene, take)
         remove_active(settings, "takes", "take_index")
         session(context).last_report = ""  # of its bake
 

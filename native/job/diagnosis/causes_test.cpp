@@ -189,7 +189,8 @@ TEST(Causes, ShakingIsNoGravity) {
       const auto seen = simulation.observe(false);
       Vec3d sum = Vec3d::Zero();
       for (const Vec3d& x : seen.bodies.front().positions) sum += x;
-      result.segment<3>(3 * frame) = sum / double(seen.bodies.front().positions.size());
+      result.segment<3>(3 * Eigen::Index(frame)) =
+          sum / double(seen.bodies.front().positions.size());
     }
     return result;
   };

@@ -40,13 +40,12 @@ class Size:
     wires: bool = False
 
     def most_particles(self, separation):
-        """To how many particles the body is filled at most: part of a layer takes a whole one, and at
-        both ends of a wall or a wire that is thin one may."""
+        """At most: part of a layer takes a whole one, and at both ends of a thin wall or wire one may."""
         thickness, (_least, middle, longest) = min(self.thickness, *self.sides), sorted(self.sides)
-        lengths = (thickness, thickness if self.wires else middle, longest)
-        layers = [max(length / separation, 1e-6) for length in lengths]
+        across = thickness if self.wires else middle
+        layers = [max(length / separation, 1e-6) for length in (thickness, across, longest)]
         whole = [numpy.ceil(count - 1e-3) for count in layers]
-        if self.wires:
+        if self.wires:  # where cells meet a wire is in both
             whole[:2] = numpy.maximum(numpy.ceil(numpy.add(layers[:2], BOTH_ENDS - 1e-3)), 2.0)
         elif thickness < THIN * middle:  # the count is a mean over where the wall lies
             whole[0] = max(whole[0], layers[0] + BOTH_ENDS)

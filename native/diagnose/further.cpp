@@ -137,13 +137,12 @@ class Further {
 
   [[nodiscard]] bool further_seen(const Analysis& analysis) const {
     const std::vector<std::size_t> order = best_shapes(analysis.scores);
-    return !order.empty() &&
-           analysis.placebo.p(analysis.scores[order.front()].equivalent) < options_.further_level;
+    return !order.empty() && is_seen(analysis, analysis.scores[order.front()]);
   }
 
-  /// Whether a score at the base is above what noise makes.
-  [[nodiscard]] bool is_seen(const Score& score) const {
-    return out_.first->placebo.p(score.equivalent) < options_.further_level;
+  /// Whether a score is above what noise makes.
+  [[nodiscard]] bool is_seen(const Analysis& analysis, const Score& score) const {
+    return analysis.placebo.p(score.equivalent) < options_.further_level;
   }
 
   /// Whether what was kept back is predicted as well as noise and solver let it be: a further cause
@@ -158,10 +157,11 @@ class Further {
   void add_pairs(std::vector<Attempt>& attempts) const {
     const State& base = out_.base_state;
     const std::vector<std::size_t> all = best_shapes(out_.first->scores);
-    const std::vector<std::size_t> order(
-        all.begin(), all.begin() + std::ptrdiff_t(std::min(all.size(), kOfPairs)));
+    std::vector<std::size_t> order(all.begin(),
+                                   all.begin() + std::ptrdiff_t(std::min(all.size(), kOfPairs)));
     const auto candidate = [&](std::size_t k) { return out_.first->scores[k].candidate; };
     const auto alone = [&](std::size_t k) { return stands(study_.model(), candidate(k), {}); };
+    std::erase_if(order, [&](std::size_t k) { return !alone(k); });
     struct Found {
       double statistic;
       std::size_t k;
@@ -170,7 +170,6 @@ class Further {
     std::vector<Found> pairs;
     for (std::size_t i = 0; i < order.size(); ++i) {
       for (std::size_t j = i + 1; j < order.size(); ++j) {
-        if (!alone(order[i]) || !alone(order[j])) continue;
         pairs.push_back(
             {out_.first->test.pair(out_.first->numerators, order[i], order[j]).statistic, order[i],
              order[j]});
@@ -180,7 +179,7 @@ class Further {
         pairs, [](const Found& a, const Found& b) { return a.statistic > b.statistic; });
     if (pairs.size() > 2) pairs.resize(2);
     for (const std::size_t l : all) {
-      if (alone(l) || !is_seen(out_.first->scores[l])) continue;
+      if (alone(l) || !is_seen(*out_.first, out_.first->scores[l])) continue;
       if (stands(study_.model(), candidate(l), out_.best->causes)) continue;  // extend() has it
       for (const std::size_t k : all) {
         if (stands(study_.model(), candidate(l), {candidate(k)})) pairs.push_back({0.0, k, l});
@@ -188,7 +187,7 @@ class Further {
     }
     for (const Found& found : pairs) {
       auto estimate = out_.first->test.pair(out_.first->numerators, found.k, found.l);
-      // What another cause stands beside does something at the start.
+      // A cause that another one stands beside does something at the start.
       if (!alone(found.l)) estimate.first = estimate.first.cwiseMax(kStandsOn);
       const Candidate a = candidate(found.k);
       const Candidate b = candidate(found.l);

@@ -89,7 +89,7 @@ class ImageExperiment {
                                              double blur, const std::function<void()>& settle);
 
  private:
-  /// What belongs to one particle separation.
+  /// The model at one particle separation, with its tracks and what was settled for it.
   struct Resolution {
     std::unique_ptr<fit::Model> model;
     std::optional<fit::CaptureProblem> tracks;
@@ -100,7 +100,7 @@ class ImageExperiment {
   [[nodiscard]] std::vector<fit::Run>& runs() { return loaded_.experiment.runs; }
   [[nodiscard]] std::vector<mpm::Scene> build_scenes(double level) const;
   void make_parameters(const std::vector<mpm::Scene>& scenes, std::vector<fit::ParameterSpec> more);
-  /// What belongs to these scenes; the parameters must be there.
+  /// The model of these scenes, with nothing settled; the parameters must be there.
   [[nodiscard]] std::unique_ptr<Resolution> resolution(std::vector<mpm::Scene> scenes);
   [[nodiscard]] std::vector<std::vector<std::uint8_t>> moved_cameras() const;
   /// What of the memory limit is left for simulations [GB]. Throws Error(kInput) where the fit does

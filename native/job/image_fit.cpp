@@ -152,7 +152,7 @@ class ImageFit {
     settle_as_kept();
   }
 
-  /// Where the checkpoint says that they were settled.
+  /// Settles substeps, sizes and colours at the values that the checkpoint keeps for each.
   void settle_as_kept() {
     scene_->settle_steps(state_.stepped_at);
     scene_->settle_sizes(state_.sized_at);

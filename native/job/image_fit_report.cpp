@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <cmath>
+#include <optional>
 
 #include "job/fit_report.hpp"
 #include "job/image_fit_words.hpp"
@@ -17,19 +18,21 @@ namespace {
 constexpr double kPoorOverlap = 0.9;
 constexpr double kFarApart = 2.0;
 
+/// The mean intersection over union of "fitted" or "held_out"; nothing where there is none.
+std::optional<double> overlap_of(const Json& silhouettes, const char* which) {
+  const Json& part = silhouettes.at(which);
+  if (!part.is_object() || !part.contains("iou") || !part.at("iou").is_number()) return {};
+  return part.at("iou").get<double>();
+}
+
 std::string overlap_warning(const Json& silhouettes, double noise_scale, bool finds_throw) {
-  const Json& fitted = silhouettes.at("fitted");
-  if (!(noise_scale > kFarApart) || !fitted.is_object() || !fitted.contains("iou") ||
-      !fitted.at("iou").is_number()) {
-    return "";
-  }
-  const double overlap = fitted.at("iou").get<double>();
-  if (overlap >= kPoorOverlap) return "";
+  const std::optional<double> overlap = overlap_of(silhouettes, "fitted");
+  if (!(noise_scale > kFarApart) || !overlap || *overlap >= kPoorOverlap) return "";
   return fmt::format(
       "The outlines that were fitted overlap by {:.1f} % only and are {:.2g} times the stated "
       "noise "
       "apart: {} Look at the overlays for what the scene lacks.",
-      100.0 * overlap, noise_scale,
+      100.0 * *overlap, noise_scale,
       finds_throw
           ? "the search may have ended at a wrong throw or spin, whose errors do not say so. "
             "Begin from a velocity and a spin that are nearer."
@@ -40,18 +43,14 @@ std::string overlap_warning(const Json& silhouettes, double noise_scale, bool fi
 /// its file says, or the mattes of another body, judge nothing.
 std::string unmet_warning(const Json& silhouettes) {
   constexpr double kMuchLess = 0.6;  // of the overlap of what was fitted
-  const auto overlap = [&](const char* which) {
-    const Json& part = silhouettes.at(which);
-    return part.is_object() && part.contains("iou") ? part.at("iou").get<double>() : -1.0;
-  };
-  const double fitted = overlap("fitted");
-  const double held = overlap("held_out");
-  if (held < 0.0 || held >= kMuchLess * fitted) return "";
+  const std::optional<double> fitted = overlap_of(silhouettes, "fitted");
+  const std::optional<double> held = overlap_of(silhouettes, "held_out");
+  if (!fitted || !held || *held >= kMuchLess * *fitted) return "";
   return fmt::format(
       "The outlines that were held out overlap by {:.1f} % only, those that were fitted by {:.1f} "
       "%: the values do not predict them. Look at the overlays: the scene may lack something, or a "
       "camera stands elsewhere than its file says.",
-      100.0 * held, 100.0 * fitted);
+      100.0 * *held, 100.0 * *fitted);
 }
 
 void add_sentence(const std::string& more, Json& warning) {

@@ -7,7 +7,8 @@
 
 namespace matterfit::job {
 
-/// What the body stands in shakes: one shape a frequency, from two periods in the longest recording
+/// A frame that shakes, which the body stands in: one shape a frequency, from two periods in the
+/// longest recording
 /// (`duration` [s]) to a quarter of the scene's frame rate. Its numbers are the parts of the
 /// frame's acceleration that go with the cosine and the sine of the time since the first frame,
 /// three each [m/s²]. A steady acceleration is gravity's size and direction, and no shape of this.

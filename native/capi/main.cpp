@@ -15,6 +15,7 @@
 
 #include "base/error.hpp"
 #include "base/file.hpp"
+#include "capi/inspect_run.hpp"
 #include "capi/job_thread.hpp"
 #include "capi/terminal.hpp"
 #include "capi/wedge_run.hpp"
@@ -32,7 +33,6 @@
 #include "job/new_job.hpp"
 #include "job/pretrain_files.hpp"
 #include "job/run/estimate.hpp"
-#include "job/run/inspect.hpp"
 #include "job/run/validate.hpp"
 #include "job/run_job.hpp"
 
@@ -240,21 +240,6 @@ int wedge(const Arguments& arguments) {
   return outcome.exit_status;
 }
 
-int inspect(const Arguments& arguments) {
-  const job::Json json = job::inspect_folder(arguments.folder);
-  const std::string text = json.dump(2, ' ', false, job::Json::error_handler_t::replace);
-  if (!arguments.report.empty()) matterfit::write_file(arguments.report, text + "\n");
-  std::fputs(arguments.json ? (text + "\n").c_str() : capi::summary(json).c_str(), stdout);
-  const bool sound = json.at("faults").empty();
-  if (!sound) {
-    for (const auto& fault : json.at("faults")) {
-      std::fprintf(stderr, "matterfit: %s %s\n", fault.at("path").get<std::string>().c_str(),
-                   fault.at("what").get<std::string>().c_str());
-    }
-  }
-  return sound ? 0 : 2;
-}
-
 CLI::App* add_new_job(CLI::App& app, Arguments& arguments) {
   CLI::App* verb = app.add_subcommand(
       "new-job", "write a document for a recording: its body, what is to be fitted, a hold-out");
@@ -429,8 +414,11 @@ int command(int argc, char** argv, Arguments& arguments) {
   CLI::App* train = add_pretrain(app, arguments);
   CLI::App* alike = add_like(app, arguments);
   CLI::App* drawn = add_curves(app, arguments);
-  CLI::App* look = app.add_subcommand("inspect", "result hash of a cache folder; checks its files");
-  look->add_option("FOLDER", arguments.folder, "a job's output folder")->required();
+  CLI::App* look = app.add_subcommand(
+      "inspect", "what a folder of results holds, its files checked; what a recording is like");
+  look->add_option("FOLDER", arguments.folder,
+                   "a job's output folder, or a file: tracks, splats, or the cameras of images")
+      ->required();
   look->add_option("--report", arguments.report, "write the result to this file too");
   look->add_flag("--json", arguments.json, "print the result as JSON");
   check_verb(app, argc, argv);
@@ -442,7 +430,9 @@ int command(int argc, char** argv, Arguments& arguments) {
     for (const CLI::App* given : app.get_subcommands()) verb += " " + given->get_name();
     matterfit::throw_input(said_of(error) + "\n" + verb + " --help lists what there is.");
   }
-  if (look->parsed()) return inspect(arguments);
+  if (look->parsed()) {
+    return capi::inspect(arguments.folder, arguments.report, arguments.json);
+  }
   if (fresh->parsed()) return new_job(arguments);
   if (many->parsed()) return wedge(arguments);
   if (alike->parsed()) return like(arguments);
@@ -456,7 +446,9 @@ int command(int argc, char** argv, Arguments& arguments) {
     if (verb->get_name() == "validate") {
       const job::RunOptions options = run_options(arguments);
       const job::Job job = read(arguments, "validate");
-      job::validate_job(job, options, matterfit::Interrupter{});
+      for (const std::string& said : job::validate_job(job, options, matterfit::Interrupter{})) {
+        std::fprintf(stderr, "matterfit: %s\n", said.c_str());
+      }
       std::fputs(job::write_job(job, job.base_folder).c_str(), stdout);
       return 0;
     }

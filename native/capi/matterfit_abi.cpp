@@ -267,7 +267,7 @@ mf_status mf_validate(const char* json, const char* base_folder, const mf_job_op
   if (!copy_options(options, given)) return fail(MF_ERROR_USAGE, kSize);
   return guarded([&] {
     const job::Job read_job = read(json, base_folder, given);
-    job::validate_job(read_job, run_options(given), matterfit::Interrupter{});
+    (void)job::validate_job(read_job, run_options(given), matterfit::Interrupter{});
     return give(job::write_job(read_job, base_folder == nullptr ? "" : base_folder), text);
   });
 }

@@ -4,6 +4,7 @@
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <nlohmann/json.hpp>
 #include <system_error>
@@ -184,9 +185,26 @@ Json parsed(std::string_view text, const std::string& name) {
                   " in the middle. Is it cut off? Export it again.");
     }
     throw_input(name + ": is no JSON text: it cannot be read on from " + place +
-                " (JSON has no NaN, no infinity, and no comma before a closing bracket).");
+                ". Is a comma missing, or one too many? JSON has no NaN and no infinity either.");
   } catch (const Json::exception&) {
     throw_input(name + ": is no JSON text: a number in it is beyond what a double holds.");
+  }
+}
+
+/// Says of a lens of which one of two numbers that go together is given: the other may be
+/// misspelled.
+void note_half_pairs(const Json& json, std::vector<std::string>& notes) {
+  const Json& frames = json["frames"];
+  for (const std::array<const char*, 2>& pair : {std::array{"cx", "cy"}, std::array{"w", "h"}}) {
+    std::array<bool, 2> given{};
+    for (std::size_t k = 0; k < 2; ++k) {
+      given[k] = json.contains(pair[k]) || std::ranges::any_of(frames, [&](const Json& frame) {
+                   return frame.contains(pair[k]);
+                 });
+    }
+    if (given[0] == given[1]) continue;
+    notes.push_back(std::string("it gives '") + (given[0] ? pair[0] : pair[1]) + "' and no '" +
+                    (given[0] ? pair[1] : pair[0]) + "', which is taken from the images' size.");
   }
 }
 
@@ -210,6 +228,7 @@ CameraSet parse_cameras(std::string_view text, const std::string& name, const Im
   if (frames.size() > kMostImages) throw_input(name + ": has more than a million images.");
   CameraSet set;
   set.source = name;
+  if (!pacnerf) note_half_pairs(json, set.notes);
   set.shots.reserve(frames.size());
   for (std::size_t i = 0; i < frames.size(); ++i) {
     const FrameEntry entry(frames[i], pacnerf ? nullptr : &json,

@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Geometry>
+#include <array>
 #include <string>
 
 #include "base/error.hpp"
@@ -12,7 +13,9 @@
 namespace matterfit::capture {
 namespace {
 
+using ::testing::ElementsAre;
 using ::testing::HasSubstr;
+using ::testing::IsEmpty;
 
 const ImageSize kSize = [](const std::string&) { return std::array<int, 2>{640, 480}; };
 
@@ -139,13 +142,28 @@ TEST(Cameras, AMovedCameraSeesTheMovedWorldAlike) {
   EXPECT_THROW((void)moved(set.cameras[0], matrix), Error);
 }
 
+TEST(Cameras, HalfOfAPairIsSaid) {
+  const std::string shot = frame("\"file_path\": \"a\"");
+  const auto notes = [&](const std::string& lens) {
+    return parse_cameras(transforms(lens, shot), "cams.json",
+                         [](const std::string&) {
+                           return std::array<int, 2>{64, 48};
+                         })
+        .notes;
+  };
+  EXPECT_THAT(notes("\"fl_x\": 50, \"cxx\": 30, \"cy\": 24"),
+              ElementsAre(HasSubstr("gives 'cy' and no 'cx'")));
+  EXPECT_THAT(notes("\"fl_x\": 50, \"cx\": 30, \"cy\": 24"), IsEmpty());
+  EXPECT_THAT(notes("\"fl_x\": 50, \"w\": 64"), ElementsAre(HasSubstr("gives 'w' and no 'h'")));
+}
+
 TEST(Cameras, WhatIsBrokenIsNamed) {
   EXPECT_THAT(refusal_of_cameras("{\n \"frames\": ["),
               HasSubstr("cams.json: is no JSON text: it ends at line 2, column 12"));
   EXPECT_THAT(refusal_of_cameras("{\n \"w\": 3,}"),
               HasSubstr("cams.json: is no JSON text: it cannot be read on from line 2, column 9"));
   EXPECT_THAT(refusal_of_cameras("{\n \"fl_x\": NaN}"),
-              HasSubstr("read on from line 2, column 10 (JSON has no NaN"));
+              HasSubstr("read on from line 2, column 10. Is a comma missing"));
   EXPECT_THAT(refusal_of_cameras("[1e999]"), HasSubstr("beyond what a double holds"));
   EXPECT_THAT(refusal_of_cameras("{\"frames\": 3}"), HasSubstr("neither a transforms.json"));
   EXPECT_THAT(refusal_of_cameras("[]"), HasSubstr("its cameras have no images"));

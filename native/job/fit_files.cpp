@@ -8,6 +8,7 @@
 #include "job/documents/manifest.hpp"
 #include "job/fit_checkpoint.hpp"
 #include "job/fit_report.hpp"
+#include "job/run/run_options.hpp"
 
 namespace matterfit::job {
 namespace {
@@ -136,6 +137,26 @@ std::vector<std::string> write_materials(const fs::path& folder, const Job& fitt
   }
   remove_others(folder, files);
   return files;
+}
+
+Json write_unfinished(const Unfinished& of, Json fit, const Error& why) {
+  (void)write_materials(of.folder, of.fitted, of.bodies, fit);
+  Json result = {{"status", why.kind() == ErrorKind::kCancelled ? "cancelled" : "failed"},
+                 {"task", "fit"},
+                 {"error", why.what()},
+                 {"exit_status", exit_status(why.kind())},
+                 {"version", MATTERFIT_VERSION},
+                 {"target", target_name(of.target)},
+                 {"folder", of.folder.string()},
+                 {"fit", std::move(fit)}};
+  write_file(of.folder / "result.json",
+             result.dump(2, ' ', false, Json::error_handler_t::replace) + "\n");
+  return result;
+}
+
+void throw_not_simulated(const std::filesystem::path& folder, const Error& why) {
+  throw_compute("The fit is done, and its values are in " + folder.generic_string() +
+                "/result.json, but the fitted scene could not be simulated: " + why.what());
 }
 
 }  // namespace matterfit::job

@@ -6,9 +6,11 @@
 #include <string>
 #include <vector>
 
+#include "base/error.hpp"
 #include "job/documents/document.hpp"
 #include "job/documents/fit_document.hpp"
 #include "job/documents/inputs.hpp"
+#include "math/simd_target.hpp"
 
 /// The files that a fit leaves in its output folder (docs/formats.md).
 namespace matterfit::job {
@@ -49,5 +51,24 @@ void write_history(const std::filesystem::path& folder, const std::vector<Json>&
                                                        const Job& fitted,
                                                        const std::vector<std::string>& bodies,
                                                        const Json& fit);
+
+/// Words of a fit that was cancelled and handed out its best values.
+inline constexpr const char* kCancelledWarning =
+    "The fit was cancelled: these are the best values so far. Resume goes on.";
+
+/// A fit whose fitted scene has not been run.
+struct Unfinished {
+  const std::filesystem::path& folder;
+  const Job& fitted;
+  std::vector<std::string> bodies;
+  SimdTarget target;
+};
+
+/// Writes `result.json` and the materials without the fitted scene's run and returns the result,
+/// its `status` "cancelled" or "failed" as `why` is.
+Json write_unfinished(const Unfinished& of, Json fit, const Error& why);
+
+/// Throws Error(kCompute): the fit is done, but its scene could not be simulated, and `why`.
+[[noreturn]] void throw_not_simulated(const std::filesystem::path& folder, const Error& why);
 
 }  // namespace matterfit::job

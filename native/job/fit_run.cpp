@@ -352,12 +352,11 @@ class FitJob {
       return run_scenes(fitted, options, interrupter_, extras);
     } catch (const Error& error) {
       if (error.kind() == ErrorKind::kCompute) {
-        (void)write_unfinished(scene, std::move(fit), "failed", error);
-        throw_compute("The fit is done, and its values are in " + folder_.generic_string() +
-                      "/result.json, but the fitted scene could not be simulated: " + error.what());
+        (void)unfinished(scene, std::move(fit), error);
+        throw_not_simulated(folder_, error);
       }
       if (error.kind() != ErrorKind::kCancelled) throw;
-      return write_unfinished(scene, std::move(fit), "cancelled", error);
+      return unfinished(scene, std::move(fit), error);
     }
   }
 
@@ -394,25 +393,13 @@ class FitJob {
     const Json document = fitted_document(law, of);
     Json fit = fit_json(law, of, std::nullopt);
     fit["after"] = after.json();
-    fit["warning"] = "The fit was cancelled: these are the best values so far. Resume goes on.";
-    return write_unfinished(job_from(document), std::move(fit), "cancelled",
-                            Error(ErrorKind::kCancelled, "Cancelled."));
+    fit["warning"] = kCancelledWarning;
+    return unfinished(job_from(document), std::move(fit),
+                      Error(ErrorKind::kCancelled, "Cancelled."));
   }
 
-  /// A result without the fitted scene's run.
-  Json write_unfinished(const Job& scene, Json fit, const char* status, const Error& why) const {
-    (void)write_materials(folder_, scene, bodies(), fit);
-    Json result = {{"status", status},
-                   {"task", "fit"},
-                   {"error", why.what()},
-                   {"exit_status", exit_status(why.kind())},
-                   {"version", MATTERFIT_VERSION},
-                   {"target", target_name(target_)},
-                   {"folder", folder_.string()},
-                   {"fit", std::move(fit)}};
-    write_file(folder_ / "result.json",
-               result.dump(2, ' ', false, Json::error_handler_t::replace) + "\n");
-    return result;
+  Json unfinished(const Job& scene, Json fit, const Error& why) const {
+    return write_unfinished({folder_, scene, bodies(), target_}, std::move(fit), why);
   }
 
   const Job& job_;

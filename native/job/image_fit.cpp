@@ -19,22 +19,19 @@
 #include "job/documents/fit_document.hpp"
 #include "job/documents/inputs.hpp"
 #include "job/fit_files.hpp"
-#include "job/fit_report.hpp"
 #include "job/fit_state.hpp"
-#include "job/fit_values.hpp"
 #include "job/fit_weights.hpp"
 #include "job/image_experiment.hpp"
+#include "job/image_fit_end.hpp"
 #include "job/image_fit_report.hpp"
 #include "job/image_fit_state.hpp"
 #include "job/image_weights.hpp"
 #include "job/run/folder_lock.hpp"
-#include "job/run/run_scene.hpp"
 #include "job/run/stage.hpp"
 
 namespace matterfit::job {
 namespace {
 
-constexpr double kImageFitShare = 0.9;
 constexpr double kNoMisfit = std::numeric_limits<double>::quiet_NaN();
 constexpr double kNarrow = 1.0;  ///< blurs [reduced pixels]
 constexpr double kWide = 4.0;
@@ -53,7 +50,11 @@ constexpr double kScan[] = {1.0 / 64, 1.0 / 16, 0.25, 4.0, 16.0, 64.0};
 class ImageFit {
  public:
   ImageFit(const Job& job, const RunOptions& options, Interrupter& interrupter)
-      : job_(job), doc_(fit_of(job)), options_(options), interrupter_(interrupter) {}
+      : job_(job),
+        doc_(fit_of(job)),
+        options_(options),
+        interrupter_(interrupter),
+        end_(job, doc_, options) {}
 
   Json run() {
     if (!doc_.laws.empty()) {
@@ -73,6 +74,21 @@ class ImageFit {
       document["output"]["folder"] = job_.output.folder.generic_string();
       return simulate(document, fitted->fit);
     }
+    try {
+      return fit();
+    } catch (const Error& error) {
+      // Nothing is known of a fit whose start has not been simulated.
+      if (error.kind() != ErrorKind::kCancelled || !scene_ || state_.before.is_null()) throw;
+      return cancelled(error);
+    }
+  }
+
+ private:
+  void say(const std::string& label, double fraction) {
+    enter_stage(interrupter_, label, fraction);
+  }
+
+  Json fit() {
     say("Filling bodies", 0.0);
     scene_.emplace(job_, doc_, options_, interrupter_, statements_);
     started_ = Clock::now();
@@ -96,9 +112,7 @@ class ImageFit {
     } else {
       save();
     }
-    Json document = document_to_simulate(job_, job_.output.folder);
-    add_lists(scene_->parameters(), document);
-    write_values(scene_->parameters(), state_.values, scene_->loaded().sources, job_, document);
+    Json document = end_.document(*scene_, state_.values);
     if (more && more->taken) write_image_weights(*more, job_, document);
     Json fit = image_fit_json({job_, doc_, *scene_, state_, misfit_, known, after}, statements_);
     if (more) fit["weights"] = more->report;
@@ -109,9 +123,27 @@ class ImageFit {
     return simulate(document, fit);
   }
 
- private:
-  void say(const std::string& label, double fraction) {
-    enter_stage(interrupter_, label, fraction);
+  Json simulate(const Json& document, const Json& fit) {
+    lock_.reset();  // the run takes it again
+    return end_.simulate(document, fit, interrupter_);
+  }
+
+  /// The best values of a search that was broken off; the checkpoint stays.
+  Json cancelled(const Error& error) {
+    state_.values = best();
+    Json fit = image_fit_json({job_, doc_, *scene_, state_, misfit_, std::nullopt, {}},
+                              std::move(statements_));
+    fit["converged"] = false;
+    fit["reason"] = "Cancelled; these are the best values so far.";
+    fit["warning"] = kCancelledWarning;
+    return end_.unfinished(end_.document(*scene_, state_.values), std::move(fit), error);
+  }
+
+  /// The values of the last step of a search that goes on, else where the last one ended.
+  [[nodiscard]] std::vector<double> best() const {
+    const bool goes_on = state_.phase != ImagePhase::kDone && state_.search;
+    if (!goes_on || state_.search->iteration == 0) return state_.values;
+    return state_.history.back().at("values").get<std::vector<double>>();
   }
 
   /// Takes up what the folder holds of this fit; where its search is done, that. Throws
@@ -149,6 +181,7 @@ class ImageFit {
       return;
     }
     say("Fitting: going on", 0.01);
+    simulated_ = cost_of(state_.phase) * state_.evaluations;
     settle_as_kept();
   }
 
@@ -179,10 +212,11 @@ class ImageFit {
   }
 
   [[nodiscard]] fit::ImageProblem watched(fit::ImageProblem problem) {
-    problem.simulated = [this](int count) {
-      // A phase may have several searches.
-      searched_ = std::max(searched_, searched_share(state_.phase, count));
-      say("Fitting", 0.9 * kImageFitShare * searched_);
+    problem.simulated = [this, before = 0](int count) mutable {
+      simulated_ += cost_of(state_.phase) * (count - before);
+      before = count;
+      say("Fitting",
+          0.9 * kImageFitShare * searched_share(simulated_, scene_->parameters().size()));
     };
     return problem;
   }
@@ -335,6 +369,7 @@ class ImageFit {
     }
     fit::LeastSquaresState& search = *state_.search;
     while (!search.finished) {
+      if (search.residual.size() > 0) misfit_ = at.misfit(search.residual);
       settle(at, search);
       try {
         search_->iterate(at, search);
@@ -423,45 +458,18 @@ class ImageFit {
     return known;
   }
 
-  Json simulate(const Json& document, const Json& fit) {
-    ReadOptions read;
-    read.base_folder = job_.base_folder;
-    const Job scene = read_job(document.dump(), read);
-    Job fitted = scene;
-    if (!fitted.captures.empty()) fitted.task = Task::kCompare;
-    RunExtras extras;
-    extras.task = task_name(Task::kFit);
-    extras.images = false;  // the fit has, at the same values
-    extras.begin = kImageFitShare;
-    extras.clouds = doc_.loss != FitDoc::Loss::kTracks;
-    extras.kept = {kFittedPath, kFitHistoryPath};
-    if (fit.contains("weights") && fit.at("weights").at("taken") == true) {
-      extras.kept.push_back(weights_file_name(fit.at("weights").at("body").get<std::string>()));
-    }
-    extras.finish = [&](Json& result) {
-      result["fit"] = fit;
-      std::vector<std::string> files = write_materials(
-          job_.output.folder, scene, fitted_bodies(doc_, scene.scene.bodies.front().name), fit);
-      files.insert(files.end(), extras.kept.begin(), extras.kept.end());
-      return files;
-    };
-    RunOptions options = options_;
-    if (options.restart == Restart::kNever) options.restart = Restart::kWhereChanged;
-    lock_.reset();  // the run takes it again
-    return run_scenes(fitted, options, interrupter_, extras);
-  }
-
   const Job& job_;
   const FitDoc& doc_;
   RunOptions options_;
   Interrupter& interrupter_;
+  const FittedImages end_;
   std::vector<std::string> statements_;
   std::optional<ImageExperiment> scene_;
   std::optional<fit::LeastSquares> search_;
   fit::ImageProblem::Misfit misfit_{kNoMisfit, kNoMisfit, kNoMisfit};
   ImageFitState state_;
   bool resumed_ = false;
-  double searched_ = 0.0;  ///< share of the search that progress has been told
+  double simulated_ = 0.0;  ///< simulations so far, as ones of all images
   std::optional<FolderLock> lock_;
   Clock::time_point started_;
 };

@@ -64,7 +64,8 @@ void add_sentence(const std::string& more, Json& warning) {
 Json image_fit_json(const ImageFitEnd& end, std::vector<std::string> statements) {
   const ImageFitState& state = end.state;
   const ImageStanding& after = end.after;
-  statements.push_back(outlines_text(state.before.at("silhouettes"), after.silhouettes));
+  const std::string outlines = outlines_text(state.before.at("silhouettes"), after.silhouettes);
+  if (!outlines.empty()) statements.push_back(outlines);
   state_apart(after.cameras, statements);
   const std::string weights = end.scene.has_tracks() ? weights_text(end.misfit) : "";
   if (!weights.empty()) statements.push_back(weights);
@@ -104,6 +105,9 @@ Json image_fit_json(const ImageFitEnd& end, std::vector<std::string> statements)
   add_sentence(
       overlap_warning(after.silhouettes, std::sqrt(end.misfit.images), end.scene.finds_throw()),
       json["warning"]);
+  for (const std::string& doubtful : end.scene.films().warnings) {
+    add_sentence(doubtful, json["warning"]);
+  }
   add_sentence(unmet_warning(after.silhouettes), json["warning"]);
   add_sentence(held_out_warning(after.tracks), json["warning"]);
   return json;

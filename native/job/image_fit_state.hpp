@@ -23,8 +23,11 @@ enum class ImagePhase : int {
   kDone,         ///< errors of the values are left
 };
 
-/// About how much of a fit's searches is done after so many simulations of a phase, 0 to 1.
-[[nodiscard]] double searched_share(ImagePhase phase, int simulations);
+/// What a simulation of a phase costs of one of all images.
+[[nodiscard]] double cost_of(ImagePhase phase);
+/// About how much of a fit's searches is done, 0 to 1: after simulations that cost as much as
+/// `simulations` of all images, with so many numbers that are fitted.
+[[nodiscard]] double searched_share(double simulations, std::size_t numbers);
 
 /// Where a fit to images stands: all that the next iteration depends on.
 // NOLINTNEXTLINE(bugprone-exception-escape): of the JSON library's moves it cannot tell

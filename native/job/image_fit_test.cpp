@@ -319,6 +319,42 @@ TEST(ImageFit, AHeldOutCameraThatLooksElsewhereIsAWarning) {
   EXPECT_THAT(fit.at("warning").get<std::string>(), HasSubstr("do not predict them"));
 }
 
+TEST(ImageFit, ACameraThatShowsNothingIsLeftOut) {
+  const Folder folder;
+  std::vector<splat::Camera> cameras = two_cameras();
+  cameras.push_back(cameras[0]);
+  cameras[2].translation.x() += 20.0;  // its mattes are empty
+  film(filmed_cube(), folder.path, cameras);
+  Json document = fit_to_clip({"material.E"});
+  document["fit"]["iterations"] = 2;
+  const Json fit = run(document, folder.path).at("fit");
+  EXPECT_THAT(fit.at("warning").get<std::string>(), HasSubstr("camera 2 is left out"));
+  EXPECT_TRUE(fit.at("cameras")[2].at("fitted").is_null());
+  document["output"]["folder"] = "other";
+  document["captures"][0]["holdout"] = {{"cameras", {0, 1}}};
+  try {
+    (void)run(document, folder.path);
+    ADD_FAILURE() << "empty mattes were fitted";
+  } catch (const Error& error) {
+    EXPECT_THAT(error.what(), HasSubstr("captures[0]: no matte shows the body"));
+  }
+}
+
+TEST(ImageFit, TimesThatAreNoSecondsAreAWarning) {
+  const Folder folder;
+  film(filmed_cube(), folder.path, two_cameras());
+  const fs::path path = folder.path / "clip/transforms.json";
+  capture::CameraSet set = capture::read_cameras(path);
+  for (capture::Shot& shot : set.shots) shot.time = 1000.0 / 24.0 * double(*shot.number);
+  write_file(path, capture::format_cameras(set));
+  Json document = fit_to_clip({"material.E"});
+  document["fit"]["iterations"] = 1;
+  const Json fit = run(document, folder.path).at("fit");
+  EXPECT_THAT(fit.at("warning").get<std::string>(), HasSubstr("Are they in seconds?"));
+  EXPECT_THAT(capture_summary(path, Json::object()).at("text").dump(),
+              HasSubstr("are their times in seconds?"));
+}
+
 TEST(ImageFit, WhatCannotBeFittedIsNamed) {
   const Folder folder;
   std::vector<splat::Camera> cameras = two_cameras();

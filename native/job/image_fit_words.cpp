@@ -20,7 +20,7 @@ std::string outlines_text(const Json& before, const Json& after) {
     const Json& pixels = after.at(key).at("contour_px");
     if (pixels.is_number()) text += fmt::format(", {:.2f} pixels apart", pixels.get<double>());
   }
-  return text + ".";
+  return text.empty() ? text : text + ".";
 }
 
 std::string weights_text(const fit::ImageProblem::Misfit& misfit) {

@@ -46,28 +46,29 @@ Json throw_from_colours(const fs::path& folder) {
   return document;
 }
 
-/// Cancels a fit to images when its search has taken a step.
-void cancel_in_search(const Json& document, const fs::path& folder,
+/// Cancels a fit to images when its search has taken a step; its result.
+Json cancel_in_search(const Json& document, const fs::path& folder,
                       ImagePhase phase = ImagePhase::kWide) {
   RunOptions options;
   options.threads = 2;
   Interrupter interrupter;
-  bool cancelled = false;
+  Json result;
   std::thread fit([&] {
     try {
-      (void)run_job(job_of(document, folder), options, interrupter);
+      result = run_job(job_of(document, folder), options, interrupter);
     } catch (const Error& error) {
-      cancelled = error.kind() == ErrorKind::kCancelled;
+      result = {{"status", error.what()}};
     }
   });
   for (int wait = 0; wait < 60'000; ++wait) {
     const auto state = read_image_fit_state(folder / "out");
-    if (state && state->phase == phase && state->search) break;
+    if (state && state->phase == phase && state->search && state->search->iteration > 0) break;
     std::this_thread::sleep_for(std::chrono::milliseconds(2));
   }
   interrupter.cancel();
   fit.join();
-  EXPECT_TRUE(cancelled);
+  EXPECT_EQ(result["status"], "cancelled");
+  return result;
 }
 
 TEST(ImageResume, GoesOnToTheSameBits) {
@@ -76,9 +77,15 @@ TEST(ImageResume, GoesOnToTheSameBits) {
   const Json document = stiffness_from_film(whole.path);
   (void)stiffness_from_film(broken.path);
   const Json expected = run(document, whole.path);
-  cancel_in_search(document, broken.path);
+  const Json told = cancel_in_search(document, broken.path);
   auto state = read_image_fit_state(broken.path / "out");
   ASSERT_TRUE(state);
+  EXPECT_EQ(told["exit_status"], 130);
+  EXPECT_EQ(told["fit"]["parameters"][0]["value"], state->history.back().at("values")[0]);
+  EXPECT_EQ(told["fit"]["converged"], false);
+  EXPECT_THAT(told["fit"]["warning"].get<std::string>(), HasSubstr("best values so far"));
+  const Json scene = Json::parse(std::ifstream(broken.path / "out/scene.json"));
+  EXPECT_EQ(scene["scene"]["bodies"][0]["material"]["E"], told["fit"]["parameters"][0]["value"]);
   // A mark that only what is taken up can carry.
   state->evaluations += 1000;
   write_file(broken.path / "out" / kFitCheckpointPath, format_image_fit_state(*state));
@@ -128,10 +135,25 @@ TEST(ImageResume, GoesOnWhereTheThrowIsLookedFor) {
   const Json document = throw_from_colours(whole.path);
   (void)throw_from_colours(broken.path);
   const Json expected = run(document, whole.path);
-  cancel_in_search(document, broken.path, ImagePhase::kThrow);
+  (void)cancel_in_search(document, broken.path, ImagePhase::kThrow);
   const Json result = run(document, broken.path);
   for (const char* key : {"parameters", "silhouettes", "iterations", "history", "evaluations"}) {
     EXPECT_EQ(result["fit"][key], expected["fit"][key]) << key;
+  }
+}
+
+// What a panel takes for the time left is what has passed times (1 − share) / share.
+TEST(ImageFitState, TheTimeThatSeemsLeftFalls) {
+  for (const std::size_t numbers : {std::size_t{1}, std::size_t{8}}) {
+    double left = 1e9;
+    for (int simulations = 1; simulations < 40 * int(numbers + 1); ++simulations) {
+      const double share = searched_share(simulations, numbers);
+      EXPECT_GT(share, 0.0);
+      EXPECT_LT(share, 1.0);
+      const double now = simulations * (1.0 - share) / share;
+      EXPECT_LT(now, left);
+      left = now;
+    }
   }
 }
 

@@ -9,6 +9,7 @@
 #include "capture/npz.hpp"
 #include "capture/splats.hpp"
 #include "job/clip_for_test.hpp"
+#include "job/run/inspect.hpp"
 #include "job/run/splat_points.hpp"
 
 /// Files of splats that are thrown, drawn and shown.
@@ -149,6 +150,20 @@ TEST_F(SplatsRunTest, PointsOfAFileAreThinned) {
   said = write_splat_points(file, Json::object(), npz);
   EXPECT_EQ(said.at("written"), kOnTheBall + 1);
   EXPECT_THROW((void)write_splat_points(file, {{"mst", 3}}, npz), Error);
+}
+
+TEST(SplatsRun, AFileIsInspected) {
+  const Folder folder;
+  for (const char* name : {"ball.ply", "ball.splat"}) {
+    capture::write_splats(folder.path / name, red_ball());
+    const Json found = file_summary(folder.path / name);
+    EXPECT_EQ(found.at("gaussians"), kOnTheBall + 1) << name;
+    EXPECT_NEAR(found.at("high")[0].get<double>(), 1.0, 1e-6) << name;
+    EXPECT_NEAR(found.at("median_opacity").get<double>(), 0.9, 0.01) << name;
+    EXPECT_THAT(found.at("text").dump(), HasSubstr("401 splats")) << name;
+  }
+  write_file(folder.path / "broken.splat", "too short");
+  EXPECT_THROW((void)file_summary(folder.path / "broken.splat"), Error);
 }
 
 }  // namespace

@@ -69,6 +69,41 @@ bool is_held_out(const ImagesDoc& doc, double frame, std::size_t camera) {
          (held.frames && frame >= (*held.frames)[0] - kSlack && frame < (*held.frames)[1] - kSlack);
 }
 
+/// Takes out the images of cameras of which none shows the body, as where a key or a plate missed
+/// it: they would say that it is elsewhere. `shown`: how many of each camera's images do.
+void leave_out_blind(const ImagesDoc& doc, const std::vector<std::size_t>& shown, LoadedFilms& into,
+                     std::vector<std::string>& statements) {
+  const std::size_t film = into.films.size();
+  std::set<std::size_t> blind;
+  std::size_t seeing = 0;
+  for (const ImageSighting& sighting : into.sightings) {
+    const fit::View& view = sighting.reduced.view;
+    if (view.film != film || sighting.reduced.held_out) continue;
+    if (shown[view.number] > 0) {
+      ++seeing;
+    } else {
+      blind.insert(view.number);
+    }
+  }
+  if (blind.empty()) return;
+  if (seeing == 0) {
+    throw_input(
+        "no matte shows the body in the scene's frames: all that are fitted are empty. Look at "
+        "'key', 'plate' and the mattes' files.");
+  }
+  std::erase_if(into.sightings, [&](const ImageSighting& sighting) {
+    const fit::View& view = sighting.reduced.view;
+    return view.film == film && blind.contains(view.number);
+  });
+  for (const std::size_t camera : blind) {
+    into.warnings.push_back(fmt::format(
+        "captures.{}: camera {} is left out: in none of its images within the scene's frames does "
+        "its matte show anything. Look at 'key', 'plate' and the mattes' files.",
+        doc.name, camera));
+    statements.push_back(into.warnings.back());
+  }
+}
+
 void add_capture(const ImagesDoc& doc, const mpm::Scene& scene, FilmUse use, LoadedFilms& into,
                  std::vector<std::string>& statements, const Interrupter& interrupter) {
   const double start = doc.start_frame.value_or(scene.first_frame);
@@ -154,6 +189,7 @@ void add_capture(const ImagesDoc& doc, const mpm::Scene& scene, FilmUse use, Loa
                          ", which is held out, sees nothing of the body in the scene's frames; it "
                          "judges nothing.");
   }
+  if (use != FilmUse::kCompared) leave_out_blind(doc, shown, into, statements);
   fit::check_poses(doc.poses, cameras);
   fit::Film film{doc.name, {start, doc.poses}};
   film.viewing.poses.resize(cameras);
@@ -165,10 +201,11 @@ void add_capture(const ImagesDoc& doc, const mpm::Scene& scene, FilmUse use, Loa
                          " images lie outside of the scene's frames.");
   }
   if (outside > 0 && frames.size() == 1 && clip.times.size() > 2) {
-    statements.push_back(fmt::format(
+    into.warnings.push_back(fmt::format(
         "captures.{}: of its {} times, which go on for {:.4g} s, a single one lies in the scene's "
         "frames. Are they in seconds? 'fps' says how they follow each other.",
         doc.name, clip.times.size(), clip.times.back() - clip.times.front()));
+    statements.push_back(into.warnings.back());
   }
   for (std::size_t k = 0; k < inside.size() && outside > 0; ++k) {
     if (inside[k] > 0) continue;

@@ -41,6 +41,7 @@ struct LoadedFilms {
   std::vector<ImageSighting> sightings;  ///< of all, in order of time
   /// What each film's cameras see of their whole images, as capture::ImageClip has it.
   std::vector<std::vector<std::vector<std::uint8_t>>> seen;
+  std::vector<std::string> warnings;  ///< what makes a fit doubtful, also among the statements
 
   /// Says of each sighting whether all that it shows are splats.
   void mark_splats(std::span<const fit::OwnSplats> own, const mpm::Scene& scene);

@@ -91,6 +91,11 @@ Json image_summary(const std::filesystem::path& cameras, const Json& options) {
   const double duration = clip.times.back() - clip.times.front();
   text.push_back(fmt::format("{} cameras, {} images of {} times, {:.3g} s", clip.cameras.size(),
                              images, clip.times.size(), duration));
+  constexpr double kFarApart = 1.0;  // s; recordings of motion are faster
+  if (clip.times.size() > 2 && duration > kFarApart * double(clip.times.size() - 1)) {
+    text.push_back(fmt::format("Its images are {:.3g} s apart; are their times in seconds?",
+                               duration / double(clip.times.size() - 1)));
+  }
   std::string list;
   for (const auto& [width, height] : sizes) {
     list += fmt::format("{}{} × {}", list.empty() ? "" : ", ", width, height);

@@ -1,8 +1,17 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "job/run/inspect.hpp"
 
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+#include <vector>
+
 #include "base/error.hpp"
 #include "capture/check.hpp"
+#include "capture/ply.hpp"
+#include "capture/splats.hpp"
 #include "capture/tracks.hpp"
 #include "job/documents/document_reading.hpp"
 #include "job/documents/manifest.hpp"
@@ -12,6 +21,34 @@ namespace matterfit::job {
 namespace {
 
 Json json_of(const Vec3d& v) { return {v.x(), v.y(), v.z()}; }
+
+float median(std::vector<float> values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+Json splats_summary(const capture::Splats& splats) {
+  Eigen::AlignedBox3d box;
+  std::vector<float> sizes;
+  for (std::size_t i = 0; i < splats.size(); ++i) {
+    box.extend(splats.means[i].cast<double>());
+    sizes.push_back(std::cbrt(splats.scales[i].prod()));
+  }
+  const float size = median(sizes);
+  const float opacity = median(splats.opacities);
+  const std::vector<std::string> text = {
+      fmt::format("{} splats, harmonics of degree {}{}", splats.size(), splats.sh_degree,
+                  splats.isotropic ? ", isotropic" : ""),
+      fmt::format("Centres from ({:.4g}, {:.4g}, {:.4g}) to ({:.4g}, {:.4g}, {:.4g})",
+                  box.min().x(), box.min().y(), box.min().z(), box.max().x(), box.max().y(),
+                  box.max().z()),
+      fmt::format("Median of the size {:.3g}, of the opacity {:.3g}", size, opacity)};
+  return {{"gaussians", splats.size()},    {"sh_degree", splats.sh_degree},
+          {"isotropic", splats.isotropic}, {"low", json_of(box.min())},
+          {"high", json_of(box.max())},    {"median_size", size},
+          {"median_opacity", opacity},     {"text", text}};
+}
 
 }  // namespace
 
@@ -113,6 +150,18 @@ Json capture_summary(const std::filesystem::path& path, const Json& options) {
                {"text", summary.text}};
   if (summary.point_noise.size() <= kMostPoints) json["point_noise"] = summary.point_noise;
   return json;
+}
+
+Json file_summary(const std::filesystem::path& path) {
+  const std::string ending = path.extension().string();
+  if (ending == ".splat" || ending == ".spz") return splats_summary(capture::read_splats(path));
+  if (ending == ".ply" && std::filesystem::is_regular_file(path)) {
+    const capture::Ply ply = capture::read_ply(path);
+    const capture::PlyElement* const vertex = ply.find("vertex");
+    const bool splats = vertex != nullptr && vertex->find("opacity") != nullptr;
+    if (splats) return splats_summary(capture::read_splats(path));
+  }
+  return capture_summary(path, Json::object());
 }
 
 }  // namespace matterfit::job

@@ -37,7 +37,13 @@ struct Place {
 };
 
 std::vector<Place> places(const RenderDoc& doc) {
-  const capture::CameraSet set = capture::read_cameras(doc.cameras, doc.options.images);
+  const capture::CameraSet set = [&] {
+    try {
+      return capture::read_cameras(doc.cameras, doc.options.images);
+    } catch (const Error& error) {
+      throw Error(error.kind(), std::string("render.cameras: ") + error.what());
+    }
+  }();
   const Eigen::Matrix4d matrix =
       capture::tracks_matrix(doc.options.unit, doc.options.up, doc.options.transform);
   std::vector<int> numbers = doc.chosen;

@@ -11,9 +11,12 @@
 
 #include "base/error.hpp"
 #include "base/parallel.hpp"
+#include "job/documents/capture_scene.hpp"
 #include "job/documents/fit_document.hpp"
 #include "job/documents/inputs.hpp"
 #include "job/run/build_scene.hpp"
+#include "job/run/capture_input.hpp"
+#include "job/run/image_sightings.hpp"
 #include "mpm/simulation.hpp"
 
 namespace matterfit::job {
@@ -73,6 +76,26 @@ class Cells {
   std::unordered_map<std::uint64_t, std::vector<std::size_t>> cells_;
 };
 
+bool compares(Task task) {
+  return task == Task::kFit || task == Task::kDiagnose || task == Task::kCompare ||
+         task == Task::kCheck;
+}
+
+void read_captures(const Job& job, const mpm::Scene& scene, std::vector<std::string>& statements,
+                   const Interrupter& interrupter) {
+  const bool clouds = job.fit && job.fit->loss != fit::Loss::kTracks;
+  for (const SceneGroup& group : scene_groups(job)) {
+    const Job one = group_job(job, group);
+    for (std::size_t k = 0; k < one.captures.size(); ++k) {
+      interrupter.check();
+      (void)load_capture(one, k, clouds);
+    }
+  }
+  const bool alone = job.task == Task::kFit && job.captures.empty();
+  (void)load_films(job, scene, alone ? FilmUse::kFitted : FilmUse::kBesideMore, statements,
+                   interrupter);
+}
+
 }  // namespace
 
 std::vector<Overlap> find_overlaps(const mpm::Scene& scene) {
@@ -102,7 +125,8 @@ std::vector<Overlap> find_overlaps(const mpm::Scene& scene) {
   return found;
 }
 
-void validate_job(const Job& job, const RunOptions& options, const Interrupter& interrupter) {
+std::vector<std::string> validate_job(const Job& job, const RunOptions& options,
+                                      const Interrupter& interrupter) {
   if (job.task == Task::kFit) (void)fit_of(job);
   require_files(job);
   const auto arena = std::make_shared<Arena>(options.threads);
@@ -114,8 +138,11 @@ void validate_job(const Job& job, const RunOptions& options, const Interrupter& 
         built.scene.bodies[overlap.first].name, built.scene.bodies[overlap.second].name,
         overlap.place.x(), overlap.place.y(), overlap.place.z()));
   }
+  std::vector<std::string> statements;
+  if (compares(job.task)) read_captures(job, built.scene, statements, interrupter);
   // What lies in a collider, a pin that holds nothing, … is found where the solver takes it over.
   (void)mpm::Simulation(std::move(built.scene), arena, {options.target});
+  return statements;
 }
 
 }  // namespace matterfit::job

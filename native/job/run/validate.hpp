@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #pragma once
 
+#include <string>
+#include <vector>
+
 #include "base/interrupter.hpp"
 #include "job/documents/document.hpp"
 #include "job/run/run_options.hpp"
@@ -9,9 +12,11 @@
 namespace matterfit::job {
 
 /// All that can be said against a job before it runs: files that are missing or cannot be read,
-/// bodies without volume, bodies that lie in each other or in a collider. Fills the bodies. Throws
+/// bodies without volume, bodies that lie in each other or in a collider. Fills the bodies, and
+/// reads the captures of a task that compares with them. Returns what is odd and no error. Throws
 /// Error(kInput) with the JSON path or the names, Error(kCancelled).
-void validate_job(const Job& job, const RunOptions& options, const Interrupter& interrupter);
+std::vector<std::string> validate_job(const Job& job, const RunOptions& options,
+                                      const Interrupter& interrupter);
 
 /// Two bodies that lie in each other.
 struct Overlap {

@@ -29,7 +29,7 @@ std::string two_cubes(double x) {
 
 std::string said(const std::string& text, std::vector<std::string> overrides = {}) {
   try {
-    validate_job(read_job(text, {{}, "job", std::move(overrides), {}}), {}, Interrupter{});
+    (void)validate_job(read_job(text, {{}, "job", std::move(overrides), {}}), {}, Interrupter{});
   } catch (const Error& error) {
     return error.what();
   }
@@ -54,6 +54,23 @@ TEST(Validate, RefusesWhatLiesBetweenTheParticles) {
   EXPECT_THAT(said(two_cubes(0.225), {R"(bodies[1].source.box.low=[0.225,0.025,0.125])",
                                       R"(bodies[1].source.box.high=[0.625,0.425,0.525])"}),
               HasSubstr("lie in each other"));
+}
+
+TEST(Validate, ReadsTheCapturesOfAFit) {
+  const auto folder = std::filesystem::temp_directory_path() / fmt::format("validate_{}", getpid());
+  std::filesystem::create_directories(folder);
+  std::ofstream(folder / "damaged.npz") << "no archive";
+  const std::string file = (folder / "damaged.npz").string();
+  const std::vector<std::string> fit = {"task=fit",
+                                        R"(fit={"parameters":["bodies.left.material.E"]})",
+                                        R"(captures=[{"tracks":")" + file + R"(","body":"left"}])"};
+  EXPECT_THAT(said(two_cubes(0.7), fit), HasSubstr("captures[0]"));
+  // A task that does not look at them does not read them.
+  EXPECT_EQ(said(two_cubes(0.7), {"task=simulate", fit[2]}), "");
+  const std::vector<std::string> film = {
+      "task=fit", fit[1], R"(captures=[{"cameras":")" + (folder / "c.json").string() + R"("}])"};
+  EXPECT_THAT(said(two_cubes(0.7), film), HasSubstr("captures[0]"));
+  std::filesystem::remove_all(folder);
 }
 
 TEST(Validate, BodiesMayFitIntoEachOther) {

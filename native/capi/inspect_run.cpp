@@ -7,6 +7,7 @@
 
 #include "base/file.hpp"
 #include "capi/terminal.hpp"
+#include "capture/colmap.hpp"
 #include "job/run/inspect.hpp"
 
 namespace matterfit::capi {
@@ -22,7 +23,7 @@ std::string lines_of(const job::Json& texts) {
 
 int inspect(const std::filesystem::path& path, const std::filesystem::path& report, bool json) {
   std::error_code code;
-  const bool file = std::filesystem::is_regular_file(path, code);
+  const bool file = !std::filesystem::is_directory(path, code) || capture::find_colmap(path);
   const job::Json found = file ? job::file_summary(path) : job::inspect_folder(path);
   const std::string text = found.dump(2, ' ', false, job::Json::error_handler_t::replace) + "\n";
   if (!report.empty()) write_file(report, text);

@@ -107,7 +107,8 @@ MF_API mf_status mf_wedge_start(const char* json, const char* base_folder,
 /* {"particles", "bytes", "seconds", "fits", …} of a job, without running it. Fills its bodies. */
 MF_API mf_status mf_estimate(const char* json, const char* base_folder,
                              const mf_job_options* options, char** text);
-/* Checks a document and the scene that it makes; the text is the document as it was understood. */
+/* Checks a document, the scene that it makes and the captures that its task looks at; the text is
+   the document as it was understood. */
 MF_API mf_status mf_validate(const char* json, const char* base_folder,
                              const mf_job_options* options, char** text);
 /* What a capture is like: frames, points, spacing, noise, jumps, labels, …

@@ -138,6 +138,10 @@ splat::Camera nerfstudio_camera(const FrameEntry& entry, const std::string& imag
     const auto pixels = size(image);
     camera.width = pixels[0];
     camera.height = pixels[1];
+    if ((width && *width != camera.width) || (height && *height != camera.height)) {
+      entry.fail("is " + std::to_string(camera.width) + " × " + std::to_string(camera.height) +
+                 " pixels large, and its '" + (width ? "w" : "h") + "' says something else.");
+    }
   }
   const auto fx = entry.number("fl_x");
   const auto fy = entry.number("fl_y");
@@ -191,20 +195,15 @@ Json parsed(std::string_view text, const std::string& name) {
   }
 }
 
-/// Says of a lens of which one of two numbers that go together is given: the other may be
+/// Says of an image of which one of two numbers that go together is given: the other may be
 /// misspelled.
-void note_half_pairs(const Json& json, std::vector<std::string>& notes) {
-  const Json& frames = json["frames"];
+void note_half_pairs(const FrameEntry& entry, std::vector<std::string>& notes) {
   for (const std::array<const char*, 2>& pair : {std::array{"cx", "cy"}, std::array{"w", "h"}}) {
-    std::array<bool, 2> given{};
-    for (std::size_t k = 0; k < 2; ++k) {
-      given[k] = json.contains(pair[k]) || std::ranges::any_of(frames, [&](const Json& frame) {
-                   return frame.contains(pair[k]);
-                 });
-    }
-    if (given[0] == given[1]) continue;
-    notes.push_back(std::string("it gives '") + (given[0] ? pair[0] : pair[1]) + "' and no '" +
-                    (given[0] ? pair[1] : pair[0]) + "', which is taken from the images' size.");
+    const bool first = entry.find(pair[0]) != nullptr;
+    if (first == (entry.find(pair[1]) != nullptr)) continue;
+    std::string note = std::string("it gives '") + (first ? pair[0] : pair[1]) + "' and no '" +
+                       (first ? pair[1] : pair[0]) + "', which is taken from the images' size.";
+    if (std::ranges::find(notes, note) == notes.end()) notes.push_back(std::move(note));
   }
 }
 
@@ -228,7 +227,6 @@ CameraSet parse_cameras(std::string_view text, const std::string& name, const Im
   if (frames.size() > kMostImages) throw_input(name + ": has more than a million images.");
   CameraSet set;
   set.source = name;
-  if (!pacnerf) note_half_pairs(json, set.notes);
   set.shots.reserve(frames.size());
   for (std::size_t i = 0; i < frames.size(); ++i) {
     const FrameEntry entry(frames[i], pacnerf ? nullptr : &json,
@@ -238,6 +236,7 @@ CameraSet parse_cameras(std::string_view text, const std::string& name, const Im
     if (shot.image.empty()) entry.fail("has no 'file_path'.");
     shot.image = with_ending(shot.image);
     if (!pacnerf) shot.mask = entry.text("mask_path");
+    if (!pacnerf) note_half_pairs(entry, set.notes);
     shot.time = entry.number("time");
     shot.number = last_digits(shot.image);
     const splat::Camera camera = pacnerf ? pacnerf_camera(entry, shot.image, size)

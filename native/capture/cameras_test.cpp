@@ -155,6 +155,7 @@ TEST(Cameras, HalfOfAPairIsSaid) {
               ElementsAre(HasSubstr("gives 'cy' and no 'cx'")));
   EXPECT_THAT(notes("\"fl_x\": 50, \"cx\": 30, \"cy\": 24"), IsEmpty());
   EXPECT_THAT(notes("\"fl_x\": 50, \"w\": 64"), ElementsAre(HasSubstr("gives 'w' and no 'h'")));
+  EXPECT_THROW((void)notes("\"fl_x\": 50, \"w\": 128"), Error);
 }
 
 TEST(Cameras, WhatIsBrokenIsNamed) {

@@ -130,14 +130,14 @@ std::vector<std::uint8_t> CleanPlate::different(const Bitmap& image) const {
   return result;
 }
 
-std::vector<std::uint8_t> CleanPlate::matte(const Bitmap& image) const {
+BodyMatte CleanPlate::matte(const Bitmap& image) const {
   if (image.width != plate_.width || image.height != plate_.height) {
     throw_input("an image of " + std::to_string(image.width) + " × " +
                 std::to_string(image.height) + " pixels has a clean plate of " +
                 std::to_string(plate_.width) + " × " + std::to_string(plate_.height) + ".");
   }
   std::vector<std::uint8_t> region = different(image);
-  keep_largest_region(region, image.width, image.height);
+  const double kept = keep_largest_region(region, image.width, image.height);
   const std::vector<int> depth = depths_of(region, image.width, image.height, kEdge + kInside);
   std::vector<std::uint8_t> result = region;
   for (int y = 0; y < image.height; ++y) {
@@ -168,7 +168,7 @@ std::vector<std::uint8_t> CleanPlate::matte(const Bitmap& image) const {
       result[at] = static_cast<std::uint8_t>(std::lround(255.0 * std::clamp(share, 0.0, 1.0)));
     }
   }
-  return result;
+  return {std::move(result), kept};
 }
 
 }  // namespace matterfit::capture

@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "capture/matte_region.hpp"
 #include "capture/png.hpp"
 
 namespace matterfit::capture {
@@ -26,7 +27,7 @@ class CleanPlate {
   /// edge, two pixels wide, a pixel's colour is a mixture: α = (C − B)·(F − B)/|F − B|², B the
   /// plate's colour there, F the colour of the body farther inside. Throws Error(kInput) for an
   /// image of another size.
-  [[nodiscard]] std::vector<std::uint8_t> matte(const Bitmap& image) const;
+  [[nodiscard]] BodyMatte matte(const Bitmap& image) const;
 
   /// σ of one image's light of that brightness; `channel` 0 to 2.
   [[nodiscard]] double noise(std::size_t channel, double light) const;

@@ -68,7 +68,7 @@ TEST(CleanPlate, TheNoiseOfAPlateIsFound) {
 
 TEST(CleanPlate, AMatteIsTheCoverage) {
   for (const double noise : {0.0, 0.004, 0.01}) {
-    const auto matte = CleanPlate(take(0.0, noise, 1)).matte(take(1.0, noise, 2));
+    const auto matte = CleanPlate(take(0.0, noise, 1)).matte(take(1.0, noise, 2)).alpha;
     double area = 0.0;
     double truth = 0.0;
     double edge_error = 0.0;
@@ -76,7 +76,7 @@ TEST(CleanPlate, AMatteIsTheCoverage) {
     int edges = 0;
     for (int y = 0; y < kHeight; ++y) {
       for (int x = 0; x < kWidth; ++x) {
-        const double alpha = matte[std::size_t(y * kWidth + x)] / 255.0;
+        const double alpha = matte[std::size_t(y) * kWidth + std::size_t(x)] / 255.0;
         const double expected = coverage(x, y);
         area += alpha;
         truth += expected;
@@ -97,7 +97,7 @@ TEST(CleanPlate, AMatteIsTheCoverage) {
 
 TEST(CleanPlate, NoiseAloneIsNoBody) {
   for (unsigned seed = 2; seed < 8; ++seed) {
-    const auto matte = CleanPlate(take(0.0, 0.01, 1)).matte(take(0.0, 0.01, seed));
+    const auto matte = CleanPlate(take(0.0, 0.01, 1)).matte(take(0.0, 0.01, seed)).alpha;
     EXPECT_LE(std::count_if(matte.begin(), matte.end(), [](int v) { return v > 0; }), 1);
   }
 }
@@ -106,9 +106,9 @@ TEST(CleanPlate, NoiseAloneIsNoBody) {
 TEST(CleanPlate, OnlyTheLargestRegionIsTheBody) {
   Bitmap image = take(1.0, 0.0, 2);
   for (int y = 4; y < 10; ++y) {
-    for (int x = 4; x < 10; ++x) image.rgba[std::size_t(4 * (y * kWidth + x))] = 255;
+    for (int x = 4; x < 10; ++x) image.rgba[4 * (std::size_t(y) * kWidth + std::size_t(x))] = 255;
   }
-  const auto matte = CleanPlate(take(0.0, 0.0, 1)).matte(image);
+  const auto matte = CleanPlate(take(0.0, 0.0, 1)).matte(image).alpha;
   EXPECT_EQ(matte[6 * kWidth + 6], 0);
   EXPECT_EQ(matte[58 * kWidth + 83], 255);
 }
@@ -116,7 +116,7 @@ TEST(CleanPlate, OnlyTheLargestRegionIsTheBody) {
 TEST(CleanPlate, AStripThinnerThanItsEdgeIsWhole) {
   Bitmap image = take(0.0, 0.0, 1);
   for (int x = 30; x < 130; ++x) image.rgba[std::size_t(4 * (60 * kWidth + x) + 1)] = 255;
-  const auto matte = CleanPlate(take(0.0, 0.0, 1)).matte(image);
+  const auto matte = CleanPlate(take(0.0, 0.0, 1)).matte(image).alpha;
   for (int x = 30; x < 130; ++x) EXPECT_EQ(matte[std::size_t(60 * kWidth + x)], 255);
   EXPECT_EQ(matte[59 * kWidth + 80], 0);
 }

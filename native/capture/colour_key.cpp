@@ -54,7 +54,7 @@ std::vector<Part> parts_of(const std::vector<std::uint8_t>& matte, int width, in
 
 }  // namespace
 
-KeyedMatte keyed_matte(const Bitmap& image, const ColourKey& key) {
+BodyMatte keyed_matte(const Bitmap& image, const ColourKey& key) {
   const Vec3d direction = chroma(key.colour);
   const double size = direction.norm();
   if (!(size > kSmallestChroma)) {
@@ -67,7 +67,7 @@ KeyedMatte keyed_matte(const Bitmap& image, const ColourKey& key) {
     return static_cast<std::uint8_t>(std::lround(255.0 * a));
   };
   std::vector<double> share(image.pixels(), 0.0);
-  KeyedMatte result{std::vector<std::uint8_t>(image.pixels(), 0)};
+  BodyMatte result{std::vector<std::uint8_t>(image.pixels(), 0)};
   for (std::size_t i = 0; i < share.size(); ++i) {
     const std::uint8_t* rgba = image.rgba.data() + 4 * i;
     const Vec3d colour = Vec3d(rgba[0], rgba[1], rgba[2]) / 255.0;

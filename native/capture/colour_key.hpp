@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "base/vec.hpp"
+#include "capture/matte_region.hpp"
 #include "capture/png.hpp"
 
 namespace matterfit::capture {
@@ -22,14 +23,9 @@ struct ColourKey {
   std::array<double, 2> range{0.25, 0.75};  ///< of s
 };
 
-struct KeyedMatte {
-  std::vector<std::uint8_t> alpha;  ///< of each pixel, 0 to 255, row-major
-  double kept = 1.0;                ///< share of the body's pixels that the largest region has
-};
-
 /// The matte of an image. Regions are of pixels above ½ that share an edge; the largest is the
 /// body, and pixels beside it are its edge. Throws Error(kInput) for a grey key or a range that
 /// does not rise.
-[[nodiscard]] KeyedMatte keyed_matte(const Bitmap& image, const ColourKey& key);
+[[nodiscard]] BodyMatte keyed_matte(const Bitmap& image, const ColourKey& key);
 
 }  // namespace matterfit::capture

@@ -38,7 +38,7 @@ TEST(ColourKey, TheLargestRegionOfTheColourIsTheMatte) {
   ColourKey key;
   key.colour = Vec3d(0, 100, 200) / 255.0;
   key.range = {0.0, 1.0};
-  const KeyedMatte matte = keyed_matte(scene(), key);
+  const BodyMatte matte = keyed_matte(scene(), key);
   EXPECT_NEAR(matte.kept, 16.0 / 17.0, 1e-12) << "the square, and a lone pixel";
   const auto at = [&](int x, int y) {
     return int(matte.alpha[10 * std::size_t(y) + std::size_t(x)]);
@@ -65,7 +65,7 @@ TEST(ColourKey, ABrightWallWithATintIsNoDarkBody) {
   set(image, 6, 3, {100, 125, 150});  // half of each
   ColourKey key;
   key.colour = Vec3d(0, 30, 60) / 255.0;
-  const KeyedMatte matte = keyed_matte(image, key);
+  const BodyMatte matte = keyed_matte(image, key);
   const auto at = [&](int x, int y) {
     return int(matte.alpha[10 * std::size_t(y) + std::size_t(x)]);
   };
@@ -107,7 +107,7 @@ TEST(ColourKey, TheEdgeCoversWhatItCovers) {
     ColourKey key;
     key.colour = Vec3d(0, 60, 120) / 255.0;
     key.range = {0.0, 1.0};
-    const KeyedMatte matte = keyed_matte(image, key);
+    const BodyMatte matte = keyed_matte(image, key);
     double area = 0.0;
     for (const std::uint8_t value : matte.alpha) area += value / 255.0;
     EXPECT_NEAR(area, 400.0 + 84.0 * covered, 3.0) << covered;

@@ -173,9 +173,9 @@ fs::path matte_source(const CameraSet& set, const Shot& shot, const ImageClipOpt
 }
 
 /// `colours`: where they go; null: they are not asked for.
-KeyedMatte read_matte(const CameraSet& set, const Shot& shot, const std::vector<CleanPlate>& plates,
-                      const ImageClipOptions& options,
-                      std::array<std::vector<std::uint8_t>, 3>* colours) {
+BodyMatte read_matte(const CameraSet& set, const Shot& shot, const std::vector<CleanPlate>& plates,
+                     const ImageClipOptions& options,
+                     std::array<std::vector<std::uint8_t>, 3>* colours) {
   const bool own = has_own_matte(shot, options);
   const splat::Camera& camera = set.cameras[shot.camera];
   const fs::path file = matte_source(set, shot, options);
@@ -184,7 +184,7 @@ KeyedMatte read_matte(const CameraSet& set, const Shot& shot, const std::vector<
     *colours = planes(own ? read_sized(set.folder / shot.image, camera) : bitmap);
   }
   if (options.key) return keyed_matte(bitmap, *options.key);
-  if (!plates.empty()) return {plates[shot.camera].matte(bitmap)};
+  if (!plates.empty()) return plates[shot.camera].matte(bitmap);
   if (!own && !bitmap.has_alpha) {
     throw_input(
         file.string() +
@@ -247,27 +247,30 @@ void state_missing(const ImageClip& clip, const std::vector<std::size_t>& count,
 struct OddMattes {
   std::size_t empty = 0;
   std::string first_empty;
-  double kept = 1.0;  ///< KeyedMatte::kept of the image where it is least
+  double kept = 1.0;  ///< BodyMatte::kept of the image where it is least
   std::string least;
 };
 
 void state_mattes(const ImageClip& clip, const std::vector<OddMattes>& odd,
-                  const std::vector<std::size_t>& count, std::vector<std::string>& statements) {
+                  const std::vector<std::size_t>& count, const ImageClipOptions& options,
+                  std::vector<std::string>& statements) {
   constexpr double kMostlyOthers = 0.5;
   for (std::size_t k = 0; k < odd.size(); ++k) {
     const OddMattes& of = odd[k];
     if (of.empty > 0) {
       statements.push_back(
-          fmt::format("{}: camera {}: the mattes of {} of its {} images are empty, {} the first; "
-                      "the body is taken to be out of them.",
-                      clip.source, k, of.empty, count[k], of.first_empty));
+          fmt::format("{}: camera {}: the mattes of {} of its {} images are empty, {} the first{}",
+                      clip.source, k, of.empty, count[k], of.first_empty,
+                      of.empty == count[k] ? "." : "; the body is taken to be out of them."));
     }
     if (of.kept < kMostlyOthers) {
       statements.push_back(fmt::format(
-          "{}: camera {}: the key takes several regions, of which the largest is the matte; in {} "
-          "it is {:.0f} % of what it takes. Look whether it is the body; another colour, or a "
-          "narrower 'range', tells it from the rest.",
-          clip.source, k, of.least, 100.0 * of.kept));
+          "{}: camera {}: {} several regions, of which the largest is the matte; in {} it is "
+          "{:.0f} "
+          "% of them. Look whether it is the body; {} tells it from the rest.",
+          clip.source, k, options.key ? "the key takes" : "what differs from the plate are",
+          of.least, 100.0 * of.kept,
+          options.key ? "another colour, or a narrower 'range'," : "a higher 'threshold'"));
     }
   }
 }
@@ -369,7 +372,7 @@ ImageClip read_image_clip(const fs::path& cameras, const ImageClipOptions& optio
     sight.frame = place.first;
     sight.camera = place.second;
     sight.image = shot.image;
-    KeyedMatte made =
+    BodyMatte made =
         read_matte(set, shot, plates, options, options.colours ? &sight.colours : nullptr);
     sight.matte = std::move(made.alpha);
     OddMattes& of_camera = odd[sight.camera];
@@ -400,7 +403,7 @@ ImageClip read_image_clip(const fs::path& cameras, const ImageClipOptions& optio
                        "body, and its 'threshold' not too high?"
                      : "no image shows the body."));
   }
-  state_mattes(clip, odd, count, statements);
+  state_mattes(clip, odd, count, options, statements);
   state_missing(clip, count, statements);
   return clip;
 }

@@ -10,6 +10,12 @@ namespace matterfit::capture {
 /// Coverage from which on a pixel is of a region.
 inline constexpr std::uint8_t kHalfCovered = 128;
 
+/// A matte that was made of an image.
+struct BodyMatte {
+  std::vector<std::uint8_t> alpha;  ///< of each pixel, 0 to 255, row-major
+  double kept = 1.0;                ///< share of the body's pixels that the largest region has
+};
+
 /// Clears what is not of the largest region of pixels above ½ (those that share an edge), or beside
 /// it. `matte` 0 to 255, row-major. Returns the share of such pixels that the region has; 1 without
 /// any.

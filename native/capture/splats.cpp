@@ -10,6 +10,7 @@
 #include <cctype>
 #include <cmath>
 #include <cstddef>
+#include <fstream>
 #include <string_view>
 #include <utility>
 
@@ -193,6 +194,20 @@ Splats read_splats(const std::filesystem::path& path) {
   const std::vector<std::byte> bytes = read_file(path);
   if (is_packed(bytes)) refuse_kind(path, "packed Gaussians (SuperSplat's compressed PLY) are");
   return parse_splats(bytes, name);
+}
+
+bool is_of_splats(const std::filesystem::path& path) {
+  const std::string ending = ending_of(path);
+  const auto named = {".splat", ".spz", ".ksplat", ".sog"};
+  if (std::ranges::find(named, ending) != named.end()) return true;
+  if (ending != ".ply") return false;
+  constexpr std::size_t kHeader = 8192;
+  std::string header(kHeader, ' ');
+  std::ifstream file(path, std::ios::binary);
+  file.read(header.data(), static_cast<std::streamsize>(kHeader));
+  header.resize(std::min(header.size(), header.find("end_header")));
+  return header.find("packed_position") != std::string::npos ||
+         header.find(" opacity") != std::string::npos;
 }
 
 Splats cropped(const Splats& splats, const Eigen::AlignedBox3d& box) {

@@ -43,6 +43,9 @@ struct Splats {
 /// PLY. Throws Error(kInput) for `.ksplat` and `.sog`, with the name of a converter.
 [[nodiscard]] Splats read_splats(const std::filesystem::path& path);
 
+/// Whether read_splats() is for a file: by the end of its name, of a PLY by its header.
+[[nodiscard]] bool is_of_splats(const std::filesystem::path& path);
+
 /// The splats whose centres lie in a box, in the file's own frame. Throws Error(kInput), which
 /// says where the splats lie, if none lies in it.
 [[nodiscard]] Splats cropped(const Splats& splats, const Eigen::AlignedBox3d& box);

@@ -13,7 +13,6 @@
 #include "fit/data/capture_noise.hpp"
 #include "job/documents/fit_document.hpp"
 #include "job/documents/fit_path.hpp"
-#include "job/documents/images_document.hpp"
 #include "job/run/build_scene.hpp"
 #include "job/run/capture_input.hpp"
 #include "job/run/scene_at_level.hpp"
@@ -126,12 +125,7 @@ void state_what_is_glued(const SceneDoc& scene, std::vector<std::string>& statem
 
 LoadedExperiment load_experiment(const Job& job, std::vector<std::string>& statements,
                                  bool others) {
-  if (job.captures.empty()) {
-    throw_input(images_of(job).empty()
-                    ? "captures: a fit needs at least one capture to fit to."
-                    : "captures: all are by images, and tracks are needed here. Add a capture of "
-                      "points that are followed, or fit to the images without this.");
-  }
+  require_tracks(job);
   LoadedExperiment loaded = unread_experiment(job);
   state_what_is_glued(loaded.sources.front().job.scene, statements);
   bool any = false;

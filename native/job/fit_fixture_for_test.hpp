@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <random>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include "base/error.hpp"
@@ -44,6 +45,33 @@ inline Json run(const Json& document, const fs::path& folder, int threads = 2,
   options.restart = restart;
   Interrupter interrupter;
   return run_job(job_of(document, folder), options, interrupter);
+}
+
+/// Cancels when the progress has said each of `labels`, in this order.
+inline Json cancelled_at(const Json& document, const fs::path& folder,
+                         const std::vector<std::string>& labels) {
+  Interrupter interrupter;
+  const Job job = job_of(document, folder);
+  std::thread watcher([&] {
+    for (const std::string& label : labels) {
+      while (interrupter.progress().label.find(label) == std::string::npos &&
+             !interrupter.cancelled()) {
+        std::this_thread::yield();
+      }
+    }
+    interrupter.cancel();
+  });
+  RunOptions options;
+  options.threads = 1;
+  Json result;
+  try {
+    result = run_job(job, options, interrupter);
+  } catch (const Error& error) {
+    result = {{"status", error.what()}};
+  }
+  interrupter.cancel();
+  watcher.join();
+  return result;
 }
 
 /// 4 × 4 × 4 points inside the cube.

@@ -5,7 +5,6 @@
 
 #include <cmath>
 #include <string>
-#include <thread>
 #include <variant>
 #include <vector>
 
@@ -18,33 +17,6 @@ namespace {
 
 using namespace fit_test;
 using testing::HasSubstr;
-
-/// Cancels when the progress has said each of `labels`, in this order.
-Json cancelled_at(const Json& document, const fs::path& folder,
-                  const std::vector<std::string>& labels) {
-  Interrupter interrupter;
-  const Job job = job_of(document, folder);
-  std::thread watcher([&] {
-    for (const std::string& label : labels) {
-      while (interrupter.progress().label.find(label) == std::string::npos &&
-             !interrupter.cancelled()) {
-        std::this_thread::yield();
-      }
-    }
-    interrupter.cancel();
-  });
-  RunOptions options;
-  options.threads = 1;
-  Json result;
-  try {
-    result = run_job(job, options, interrupter);
-  } catch (const Error& error) {
-    result = {{"status", error.what()}};
-  }
-  interrupter.cancel();
-  watcher.join();
-  return result;
-}
 
 TEST(Fit, GoesOnToTheSameBitsWithAnyNumberOfThreads) {
   const Folder whole;

@@ -112,9 +112,10 @@ class ImageFit {
     } else {
       save();
     }
-    Json document = end_.document(*scene_, state_.values);
+    Json document = end_.document(*scene_, scene_->parameters(), state_.values);
     if (more && more->taken) write_image_weights(*more, job_, document);
-    Json fit = image_fit_json({job_, doc_, *scene_, state_, misfit_, known, after}, statements_);
+    Json fit = image_fit_json(
+        {job_, doc_, *scene_, scene_->parameters(), state_, misfit_, known, after}, statements_);
     if (more) fit["weights"] = more->report;
     write_fitted(job_.output.folder, {state_.input_hash, state_.inputs, document, fit});
     // Only now: until then the search would go on from it.
@@ -128,15 +129,18 @@ class ImageFit {
     return end_.simulate(document, fit, interrupter_);
   }
 
-  /// The best values of a search that was broken off; the checkpoint stays.
+  /// The best values of a search that was broken off; the checkpoint stays. Of one that moved
+  /// weights the numbers as they were before that.
   Json cancelled(const Error& error) {
-    state_.values = best();
-    Json fit = image_fit_json({job_, doc_, *scene_, state_, misfit_, std::nullopt, {}},
-                              std::move(statements_));
+    if (!numbers_) state_.values = best();
+    const fit::Parameters& parameters = numbers_ ? numbers_->parameters : scene_->parameters();
+    const ImageFitState& state = numbers_ ? numbers_->state : state_;
+    Json fit = image_fit_json({job_, doc_, *scene_, parameters, state, misfit_, std::nullopt, {}},
+                              numbers_ ? numbers_->statements : statements_);
     fit["converged"] = false;
     fit["reason"] = "Cancelled; these are the best values so far.";
     fit["warning"] = kCancelledWarning;
-    return end_.unfinished(end_.document(*scene_, state_.values), std::move(fit), error);
+    return end_.unfinished(end_.document(*scene_, parameters, state.values), std::move(fit), error);
   }
 
   /// The values of the last step of a search that goes on, else where the last one ended.
@@ -180,8 +184,7 @@ class ImageFit {
       save();
       return;
     }
-    say("Fitting: going on", 0.01);
-    simulated_ = cost_of(state_.phase) * state_.evaluations;
+    say("Fitting: going on", searched());
     settle_as_kept();
   }
 
@@ -211,12 +214,16 @@ class ImageFit {
     return watched(scene_->problem(state_.values, blur));
   }
 
+  /// The fraction of the whole that the searches have come to.
+  [[nodiscard]] double searched() const {
+    return 0.9 * kImageFitShare * searched_share(state_.simulated, scene_->parameters().size());
+  }
+
   [[nodiscard]] fit::ImageProblem watched(fit::ImageProblem problem) {
     problem.simulated = [this, before = 0](int count) mutable {
-      simulated_ += cost_of(state_.phase) * (count - before);
+      state_.simulated += cost_of(state_.phase) * (count - before);
       before = count;
-      say("Fitting",
-          0.9 * kImageFitShare * searched_share(simulated_, scene_->parameters().size()));
+      say("Fitting", searched());
     };
     return problem;
   }
@@ -405,6 +412,7 @@ class ImageFit {
       return std::nullopt;
     }
     search_.reset();
+    numbers_.emplace(Numbers{scene_->parameters(), state_, statements_});
     ImageWeights more = fit_image_weights(*scene_, from, state_.history);
     statements_.push_back(more.statement);
     state_.evaluations += more.evaluations;
@@ -433,7 +441,7 @@ class ImageFit {
 
   [[nodiscard]] std::optional<fit::Uncertainty> uncertainty() {
     if (state_.values.empty()) return std::nullopt;
-    fit::ImageProblem at = problem(kNarrow);
+    fit::ImageProblem at = scene_->problem(state_.values, kNarrow);
     // Taken up after the last search.
     if (!search_)
       search_.emplace(scene_->parameters_from(state_.values), fit::LeastSquaresOptions{});
@@ -469,7 +477,13 @@ class ImageFit {
   fit::ImageProblem::Misfit misfit_{kNoMisfit, kNoMisfit, kNoMisfit};
   ImageFitState state_;
   bool resumed_ = false;
-  double simulated_ = 0.0;  ///< simulations so far, as ones of all images
+  /// Where the search ended before weights were moved.
+  struct Numbers {
+    fit::Parameters parameters;
+    ImageFitState state;
+    std::vector<std::string> statements;
+  };
+  std::optional<Numbers> numbers_;
   std::optional<FolderLock> lock_;
   Clock::time_point started_;
 };

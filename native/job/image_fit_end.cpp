@@ -12,10 +12,11 @@
 
 namespace matterfit::job {
 
-Json FittedImages::document(const ImageExperiment& scene, const std::vector<double>& values) const {
+Json FittedImages::document(const ImageExperiment& scene, const fit::Parameters& parameters,
+                            const std::vector<double>& values) const {
   Json document = document_to_simulate(job_, job_.output.folder);
-  add_lists(scene.parameters(), document);
-  write_values(scene.parameters(), values, scene.loaded().sources, job_, document);
+  add_lists(parameters, document);
+  write_values(parameters, values, scene.loaded().sources, job_, document);
   return document;
 }
 

@@ -22,8 +22,9 @@ class FittedImages {
   FittedImages(const Job& job, const FitDoc& fit, const RunOptions& options)
       : job_(job), doc_(fit), options_(options) {}
 
-  /// The fitted scene as a job that `simulate` takes; `values` are physical, one a parameter.
-  [[nodiscard]] Json document(const ImageExperiment& scene,
+  /// The fitted scene as a job that `simulate` takes; `values` are physical, one of `parameters`
+  /// each.
+  [[nodiscard]] Json document(const ImageExperiment& scene, const fit::Parameters& parameters,
                               const std::vector<double>& values) const;
 
   /// Runs the fitted scene and writes the result with its `fit`. Cancelled, or where the scene does

@@ -88,7 +88,7 @@ Json image_fit_json(const ImageFitEnd& end, std::vector<std::string> statements)
       {"iterations", state.iterations},
       {"evaluations", state.evaluations},
       {"seconds", state.seconds},
-      {"parameters", parameters_json(end.scene.parameters().parameters(), state.values, end.known)},
+      {"parameters", parameters_json(end.parameters.parameters(), state.values, end.known)},
       {"correlation", end.known ? correlation_json(*end.known) : Json()},
       {"noise_scale", end.known ? Json(end.known->noise_scale) : Json()},
       {"noise_scales",

@@ -19,6 +19,7 @@ struct ImageFitEnd {
   const Job& job;
   const FitDoc& doc;
   const ImageExperiment& scene;
+  const fit::Parameters& parameters;  ///< whose values those of `state` are
   const ImageFitState& state;
   const fit::ImageProblem::Misfit& misfit;       ///< NaN where nothing was compared
   const std::optional<fit::Uncertainty>& known;  ///< none where weights alone are fitted

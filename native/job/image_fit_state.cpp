@@ -35,14 +35,21 @@ double searched_share(double simulations, std::size_t numbers) {
 }
 
 std::string format_image_fit_state(const ImageFitState& state) {
-  Json body = {
-      {"inputs", state.inputs},           {"phase", static_cast<int>(state.phase)},
-      {"values", state.values},           {"stepped_at", state.stepped_at},
-      {"sized_at", state.sized_at},       {"coloured_at", state.coloured_at},
-      {"refinements", state.refinements}, {"before", state.before},
-      {"history", state.history},         {"evaluations", state.evaluations},
-      {"iterations", state.iterations},   {"seconds", state.seconds},
-      {"beginnings", state.beginnings},   {"agreed", state.agreed ? Json(*state.agreed) : Json()}};
+  Json body = {{"inputs", state.inputs},
+               {"phase", static_cast<int>(state.phase)},
+               {"values", state.values},
+               {"stepped_at", state.stepped_at},
+               {"sized_at", state.sized_at},
+               {"coloured_at", state.coloured_at},
+               {"refinements", state.refinements},
+               {"before", state.before},
+               {"history", state.history},
+               {"evaluations", state.evaluations},
+               {"iterations", state.iterations},
+               {"seconds", state.seconds},
+               {"simulated", state.simulated},
+               {"beginnings", state.beginnings},
+               {"agreed", state.agreed ? Json(*state.agreed) : Json()}};
   if (state.search) body["search"] = search_json(*state.search);
   return format_checkpoint(kImageSchema, state.input_hash, body);
 }
@@ -68,6 +75,7 @@ std::optional<ImageFitState> read_image_fit_state(const std::filesystem::path& f
     json.at("evaluations").get_to(state.evaluations);
     json.at("iterations").get_to(state.iterations);
     json.at("seconds").get_to(state.seconds);
+    state.simulated = json.value("simulated", 0.0);
     json.at("beginnings").get_to(state.beginnings);
     if (json.contains("agreed") && json.at("agreed").is_number()) {
       state.agreed = json.at("agreed").get<double>();

@@ -45,7 +45,8 @@ struct ImageFitState {
   std::optional<fit::LeastSquaresState> search;  ///< of the phase
   Json before;                                   ///< agreement at the start values
   std::vector<Json> history;
-  int evaluations = 0;  ///< of the phases before
+  int evaluations = 0;     ///< of the phases before
+  double simulated = 0.0;  ///< simulations of all phases, in ones of all images
   int iterations = 0;
   double seconds = 0.0;
 };

@@ -46,6 +46,24 @@ TEST(ImageWeights, OfThePublishedLawFromMasksPredictHeldOutFrames) {
   EXPECT_EQ(fitted["scene"]["bodies"][0]["material"]["weights"], "weights_cube.safetensors");
 }
 
+// The numbers as they were before weights were moved, with and without any.
+TEST(ImageWeights, CancelledTheNumbersAreHandedOut) {
+  for (const Json& parameters : {Json::array(), Json{"velocity"}}) {
+    const Folder folder;
+    Json document = weights_fit({{"law", "neo_hookean"}, {"E", 3e4}, {"nu", 0.4}}, folder.path);
+    document["scene"]["bodies"][0]["material"] = {{"law", "neural"}};
+    document["fit"] = {{"weights", 4}, {"parameters", parameters}, {"iterations", 2}};
+    const Json result = cancelled_at(document, folder.path, {"Fitting: weights"});
+    ASSERT_EQ(result.at("status"), "cancelled") << result;
+    const Json& fit = result.at("fit");
+    ASSERT_EQ(fit.at("parameters").size(), 3 * parameters.size());
+    for (const Json& number : fit.at("parameters")) EXPECT_TRUE(number.at("value").is_number());
+    const auto bytes = read_file(folder.path / "out/scene.json");
+    const std::string text(reinterpret_cast<const char*>(bytes.data()), bytes.size());
+    EXPECT_FALSE(Json::parse(text)["scene"]["bodies"][0]["material"].contains("weights"));
+  }
+}
+
 TEST(ImageWeights, OfTheIsotropicLawBesideItsModulus) {
   const Folder folder;
   Json document = weights_fit({{"law", "neo_hookean"}, {"E", 3e4}, {"nu", 0.4}}, folder.path);

@@ -1,31 +1,19 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "job/run_job.hpp"
 
-#include "base/error.hpp"
 #include "job/diagnosis/run_check.hpp"
 #include "job/diagnosis/run_diagnose.hpp"
 #include "job/documents/images_document.hpp"
 #include "job/fit_run.hpp"
 #include "job/image_fit.hpp"
+#include "job/run/capture_input.hpp"
 #include "job/run/render.hpp"
 #include "job/run/run_scene.hpp"
 
 namespace matterfit::job {
-namespace {
-
-void check_task(const Job& job) {
-  if (job.task == Task::kCompare && job.captures.empty() && images_of(job).empty()) {
-    throw_input("captures: compare needs at least one capture to compare with.");
-  }
-  if (job.task == Task::kDiagnose && !images_of(job).empty()) {
-    throw_input("captures: a diagnosis looks at tracks, and these are images.");
-  }
-}
-
-}  // namespace
 
 Json run_job(const Job& job, const RunOptions& options, Interrupter& interrupter) {
-  check_task(job);
+  check_captures(job);
   if (job.task == Task::kRender) return run_render(job, options, interrupter);
   if (job.task == Task::kFit && !images_of(job).empty()) {
     return run_image_fit(job, options, interrupter);

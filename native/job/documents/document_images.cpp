@@ -215,6 +215,7 @@ std::optional<RenderDoc> render_of(const Job& job) {
   if (render.capture.empty()) return render;
   for (const ImagesDoc& images : images_of(job)) {
     if (images.name != render.capture) continue;
+    render.path = images.path;
     render.cameras = images.cameras;
     render.options = images.options;
     render.poses = images.poses;

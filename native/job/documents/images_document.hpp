@@ -43,6 +43,7 @@ struct ImagesDoc {
 
 /// The section `render`: what is drawn through which cameras.
 struct RenderDoc {
+  std::string path = "render";  ///< of `cameras` in the document, without that key
   std::string capture;  ///< whose cameras, world and poses are taken; empty: those given here
   std::filesystem::path cameras;
   capture::ImageClipOptions options;   ///< of the cameras' world

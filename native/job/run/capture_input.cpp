@@ -9,6 +9,7 @@
 #include "capture/align.hpp"
 #include "capture/swaps.hpp"
 #include "job/documents/document_error.hpp"
+#include "job/documents/images_document.hpp"
 
 namespace matterfit::job {
 namespace {
@@ -91,6 +92,26 @@ capture::Tracks read_quiet(const std::filesystem::path& file,
 }
 
 }  // namespace
+
+void check_captures(const Job& job) {
+  const bool images = !images_of(job).empty();
+  if (job.task == Task::kCompare && job.captures.empty() && !images) {
+    throw_input("captures: compare needs at least one capture to compare with.");
+  }
+  if (job.task == Task::kDiagnose && images) {
+    throw_input("captures: a diagnosis looks at tracks, and these are images.");
+  }
+  const bool by_tracks = job.task == Task::kDiagnose || job.task == Task::kCheck;
+  if (by_tracks || (job.task == Task::kFit && !images)) require_tracks(job);
+}
+
+void require_tracks(const Job& job) {
+  if (!job.captures.empty()) return;
+  throw_input(images_of(job).empty()
+                  ? "captures: a fit needs at least one capture to fit to."
+                  : "captures: all are by images, and tracks are needed here. Add a capture of "
+                    "points that are followed, or fit to the images without this.");
+}
 
 std::optional<double> body_release(const BodyDoc& body, const SceneDoc& scene) {
   std::optional<double> last;

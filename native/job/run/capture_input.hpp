@@ -10,6 +10,11 @@
 
 namespace matterfit::job {
 
+/// Throws Error(kInput) for a task that finds none of the captures that it looks at.
+void check_captures(const Job& job);
+/// The same for what looks at captures by tracks.
+void require_tracks(const Job& job);
+
 /// Reads, aligns and times a capture of a job whose captures share its scene
 /// (job/documents/capture_scene.hpp takes others apart). `clouds`: capture::TracksOptions::clouds.
 /// Throws Error(kInput) beginning with the capture's path.

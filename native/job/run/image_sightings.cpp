@@ -70,37 +70,37 @@ bool is_held_out(const ImagesDoc& doc, double frame, std::size_t camera) {
 }
 
 /// Takes out the images of cameras of which none shows the body, as where a key or a plate missed
-/// it: they would say that it is elsewhere. `shown`: how many of each camera's images do.
-void leave_out_blind(const ImagesDoc& doc, const std::vector<std::size_t>& shown, LoadedFilms& into,
+/// it: they would say that it is elsewhere. `inside` and `shown`: how many images each camera has
+/// within the scene's frames, and of these with the body.
+void leave_out_blind(const ImagesDoc& doc, FilmUse use, const std::vector<std::size_t>& inside,
+                     const std::vector<std::size_t>& shown, LoadedFilms& into,
                      std::vector<std::string>& statements) {
   const std::size_t film = into.films.size();
-  std::set<std::size_t> blind;
-  std::size_t seeing = 0;
-  for (const ImageSighting& sighting : into.sightings) {
+  const auto is_blind = [&](std::size_t camera) {
+    return inside[camera] > 0 && shown[camera] == 0;
+  };
+  const auto is_fitted = [&](const ImageSighting& sighting) {
+    return sighting.reduced.view.film == film && !sighting.reduced.held_out;
+  };
+  const bool fits = use != FilmUse::kCompared && std::ranges::any_of(into.sightings, is_fitted);
+  std::erase_if(into.sightings, [&](const ImageSighting& sighting) {
     const fit::View& view = sighting.reduced.view;
-    if (view.film != film || sighting.reduced.held_out) continue;
-    if (shown[view.number] > 0) {
-      ++seeing;
-    } else {
-      blind.insert(view.number);
-    }
-  }
-  if (blind.empty()) return;
-  if (seeing == 0) {
+    return view.film == film && is_blind(view.number);
+  });
+  if (fits && std::ranges::none_of(into.sightings, is_fitted)) {
     throw_input(
         "no matte shows the body in the scene's frames: all that are fitted are empty. Look at "
         "'key', 'plate' and the mattes' files.");
   }
-  std::erase_if(into.sightings, [&](const ImageSighting& sighting) {
-    const fit::View& view = sighting.reduced.view;
-    return view.film == film && blind.contains(view.number);
-  });
-  for (const std::size_t camera : blind) {
-    into.warnings.push_back(fmt::format(
-        "captures.{}: camera {} is left out: in none of its images within the scene's frames does "
-        "its matte show anything. Look at 'key', 'plate' and the mattes' files.",
-        doc.name, camera));
-    statements.push_back(into.warnings.back());
+  for (std::size_t camera = 0; camera < inside.size(); ++camera) {
+    if (!is_blind(camera)) continue;
+    const bool held_out = std::ranges::count(doc.holdout.cameras, static_cast<int>(camera)) > 0;
+    const std::string said = fmt::format(
+        "captures.{}: camera {}{} is left out: in none of its images within the scene's frames "
+        "does its matte show the body. Look at 'key', 'plate' and the mattes' files.",
+        doc.name, camera, held_out ? ", which is held out and judges nothing," : "");
+    if (!held_out) into.warnings.push_back(said);
+    statements.push_back(said);
   }
 }
 
@@ -144,6 +144,7 @@ void add_capture(const ImagesDoc& doc, const mpm::Scene& scene, FilmUse use, Loa
     fit::Sighting reduced;
     reduced.held_out = is_held_out(doc, frame, sight.camera);
     reduced.matte = small(sight.matte);
+    const std::vector<float>& matte = reduced.matte.values;
     reduced.seen = seen[sight.camera];
     reduced.noise = doc.noise / factor;
     if (doc.colours) {
@@ -158,9 +159,9 @@ void add_capture(const ImagesDoc& doc, const mpm::Scene& scene, FilmUse use, Loa
                            (scene.end_frame - 1 - scene.first_frame) / scene.fps);
     view.oversample = oversample_of(separations[sight.camera] / factor);
     if (!doc.body.empty()) view.body = fit::body_index(scene, doc.body);
-    const bool body = std::any_of(sight.matte.begin(), sight.matte.end(),
-                                  [](std::uint8_t value) { return value >= 128; });
-    if (body) ++shown[sight.camera];
+    // More than a pixel that a fit sees, be it thin or translucent.
+    const double covered = std::accumulate(matte.begin(), matte.end(), 0.0);
+    if (covered > 1.0) ++shown[sight.camera];
     const bool whole = use == FilmUse::kCompared && reduced.held_out && doc.colours;
     ImageSighting& added = into.sightings.emplace_back(
         ImageSighting{std::move(reduced),
@@ -183,13 +184,7 @@ void add_capture(const ImagesDoc& doc, const mpm::Scene& scene, FilmUse use, Loa
     throw_input("there is no camera " + std::to_string(number) + " to hold out; there are " +
                 std::to_string(cameras) + ", from 0.");
   }
-  for (const int number : doc.holdout.cameras) {
-    if (shown[static_cast<std::size_t>(number)] > 0) continue;
-    statements.push_back("captures." + doc.name + ": camera " + std::to_string(number) +
-                         ", which is held out, sees nothing of the body in the scene's frames; it "
-                         "judges nothing.");
-  }
-  if (use != FilmUse::kCompared) leave_out_blind(doc, shown, into, statements);
+  leave_out_blind(doc, use, inside, shown, into, statements);
   fit::check_poses(doc.poses, cameras);
   fit::Film film{doc.name, {start, doc.poses}};
   film.viewing.poses.resize(cameras);
@@ -332,10 +327,11 @@ std::vector<fit::ParameterSpec> with_poses(const Job& job, const LoadedFilms& fi
                     docs[f].name + "' has " + std::to_string(cameras) + ", from 0.");
       }
       if (films.is_fitted(f, spec.path.index)) continue;
-      throw_input(what +
-                  "no image of this camera is fitted (held out, or outside of the scene's "
-                  "frames), so nothing shows how it stands. Leave the parameter out, or shorten "
-                  "the hold-out.");
+      throw_input(
+          what +
+          "no image of this camera is fitted (held out, outside of the scene's frames, or "
+          "without the body), so nothing shows how it stands. Leave the parameter out, or shorten "
+          "the hold-out.");
     }
   }
   for (std::size_t f = 0; f < docs.size(); ++f) {

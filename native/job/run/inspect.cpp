@@ -10,7 +10,7 @@
 
 #include "base/error.hpp"
 #include "capture/check.hpp"
-#include "capture/ply.hpp"
+#include "capture/colmap.hpp"
 #include "capture/splats.hpp"
 #include "capture/tracks.hpp"
 #include "job/documents/document_reading.hpp"
@@ -153,14 +153,8 @@ Json capture_summary(const std::filesystem::path& path, const Json& options) {
 }
 
 Json file_summary(const std::filesystem::path& path) {
-  const std::string ending = path.extension().string();
-  if (ending == ".splat" || ending == ".spz") return splats_summary(capture::read_splats(path));
-  if (ending == ".ply" && std::filesystem::is_regular_file(path)) {
-    const capture::Ply ply = capture::read_ply(path);
-    const capture::PlyElement* const vertex = ply.find("vertex");
-    const bool splats = vertex != nullptr && vertex->find("opacity") != nullptr;
-    if (splats) return splats_summary(capture::read_splats(path));
-  }
+  if (capture::is_of_splats(path)) return splats_summary(capture::read_splats(path));
+  if (capture::find_colmap(path)) return image_summary(path, Json::object());
   return capture_summary(path, Json::object());
 }
 

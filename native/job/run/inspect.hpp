@@ -16,8 +16,9 @@ namespace matterfit::job {
 /// by images (job/run/image_summary.hpp).
 [[nodiscard]] Json capture_summary(const std::filesystem::path& path, const Json& options);
 
-/// The same of a file without options, or, of splats, how many there are, how large, how opaque and
-/// where: `text` one finding a line. Throws Error(kInput).
+/// The same of a recording without options, a COLMAP model among them, or, of a file of splats, how
+/// many there are, how large, how opaque and where: `text` one finding a line. Throws
+/// Error(kInput).
 [[nodiscard]] Json file_summary(const std::filesystem::path& path);
 
 }  // namespace matterfit::job

@@ -41,7 +41,7 @@ std::vector<Place> places(const RenderDoc& doc) {
     try {
       return capture::read_cameras(doc.cameras, doc.options.images);
     } catch (const Error& error) {
-      throw Error(error.kind(), std::string("render.cameras: ") + error.what());
+      throw Error(error.kind(), doc.path + ".cameras: " + error.what());
     }
   }();
   const Eigen::Matrix4d matrix =

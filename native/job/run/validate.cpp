@@ -13,6 +13,7 @@
 #include "base/parallel.hpp"
 #include "job/documents/capture_scene.hpp"
 #include "job/documents/fit_document.hpp"
+#include "job/documents/images_document.hpp"
 #include "job/documents/inputs.hpp"
 #include "job/run/build_scene.hpp"
 #include "job/run/capture_input.hpp"
@@ -91,8 +92,10 @@ void read_captures(const Job& job, const mpm::Scene& scene, std::vector<std::str
       (void)load_capture(one, k, clouds);
     }
   }
-  const bool alone = job.task == Task::kFit && job.captures.empty();
-  (void)load_films(job, scene, alone ? FilmUse::kFitted : FilmUse::kBesideMore, statements,
+  if (job.task != Task::kFit && job.task != Task::kCompare) return;  // they look at tracks alone
+  const FilmUse fitted = job.captures.empty() ? FilmUse::kFitted : FilmUse::kBesideMore;
+  if (images_of(job).empty()) return;
+  (void)load_films(job, scene, job.task == Task::kFit ? fitted : FilmUse::kCompared, statements,
                    interrupter);
 }
 
@@ -128,6 +131,7 @@ std::vector<Overlap> find_overlaps(const mpm::Scene& scene) {
 std::vector<std::string> validate_job(const Job& job, const RunOptions& options,
                                       const Interrupter& interrupter) {
   if (job.task == Task::kFit) (void)fit_of(job);
+  check_captures(job);
   require_files(job);
   const auto arena = std::make_shared<Arena>(options.threads);
   BuiltScene built = build_scene(job, *arena, interrupter);

@@ -70,6 +70,9 @@ TEST(Validate, ReadsTheCapturesOfAFit) {
   const std::vector<std::string> film = {
       "task=fit", fit[1], R"(captures=[{"cameras":")" + (folder / "c.json").string() + R"("}])"};
   EXPECT_THAT(said(two_cubes(0.7), film), HasSubstr("captures[0]"));
+  EXPECT_THAT(said(two_cubes(0.7), {"task=fit", fit[1]}), HasSubstr("at least one capture"));
+  EXPECT_THAT(said(two_cubes(0.7), {"task=check", fit[1], film[2]}),
+              HasSubstr("tracks are needed here"));
   std::filesystem::remove_all(folder);
 }
 

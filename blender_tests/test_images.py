@@ -314,6 +314,16 @@ class ColmapTest(ImagesCase):
         self.assertTrue(document["captures"][0]["images"].endswith("project_jpg/images"))
 
     @needs_library
+    def test_images_that_lie_elsewhere(self):
+        folder = self.project()
+        os.rename(os.path.join(folder, "images"), os.path.join(folder, "elsewhere"))
+        self.fails(bpy.ops.matterfit.import_images, ["Image Folder"], filepath=folder, use_key=True,
+                   key=(0.9, 0.1, 0.1))
+        bpy.ops.matterfit.import_images(filepath=folder, images=os.path.join(folder, "elsewhere"),
+                                        use_key=True, key=(0.9, 0.1, 0.1))
+        self.assertIn("1 cameras, 3 images", self.settings.captures[-1].summary)
+
+    @needs_library
     def test_a_key_in_place_of_a_matte(self):
         folder = self.project()
         bpy.ops.matterfit.import_images(filepath=folder, cameras=False, use_key=True, key=(0.9, 0.1, 0.1))

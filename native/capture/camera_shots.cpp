@@ -40,6 +40,12 @@ void add_shot(CameraSet& set, Shot shot, const splat::Camera& camera, const Dist
       throw_input(where + " has a focal length of " + std::to_string(focal) + " pixels.");
     }
   }
+  constexpr double kFarOff = 10.0;  // images away; one that is cut out of a larger one is nearer
+  if (!(std::abs(camera.cx) <= kFarOff * camera.width) ||
+      !(std::abs(camera.cy) <= kFarOff * camera.height)) {
+    throw_input(where + " has its principal point ('cx', 'cy') at " + std::to_string(camera.cx) +
+                ", " + std::to_string(camera.cy) + " pixels, far off its " + size_of(camera) + ".");
+  }
   std::size_t k = 0;
   while (k < set.cameras.size() && !(same(set.cameras[k], camera) && same(set.lenses[k], lens))) {
     ++k;

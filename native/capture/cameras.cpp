@@ -201,9 +201,12 @@ void note_half_pairs(const FrameEntry& entry, std::vector<std::string>& notes) {
   for (const std::array<const char*, 2>& pair : {std::array{"cx", "cy"}, std::array{"w", "h"}}) {
     const bool first = entry.find(pair[0]) != nullptr;
     if (first == (entry.find(pair[1]) != nullptr)) continue;
-    std::string note = std::string("it gives '") + (first ? pair[0] : pair[1]) + "' and no '" +
-                       (first ? pair[1] : pair[0]) + "', which is taken from the images' size.";
-    if (std::ranges::find(notes, note) == notes.end()) notes.push_back(std::move(note));
+    const std::string said = std::string(" gives '") + (first ? pair[0] : pair[1]) + "' and no '" +
+                             (first ? pair[1] : pair[0]) +
+                             "', which is taken from the image's size.";
+    const bool known =
+        std::ranges::any_of(notes, [&](const std::string& note) { return note.ends_with(said); });
+    if (!known) notes.push_back(entry.where() + said);
   }
 }
 

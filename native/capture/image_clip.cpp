@@ -401,7 +401,8 @@ ImageClip read_image_clip(const fs::path& cameras, const ImageClipOptions& optio
                  : !plates.empty()
                      ? "no image differs from its clean plate. Is 'plate' without the "
                        "body, and its 'threshold' not too high?"
-                     : "no image shows the body."));
+                     : "no image shows the body. Are these its mattes, or is the alpha channel "
+                       "inverted?"));
   }
   state_mattes(clip, odd, count, options, statements);
   state_missing(clip, count, statements);

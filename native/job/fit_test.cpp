@@ -124,6 +124,7 @@ TEST(Fit, TheFittedSceneIsAJobAndTheMaterialAPreset) {
   Interrupter interrupter;
   const Json again = run_job(scene, RunOptions{}, interrupter);
   EXPECT_EQ(again["frames_reused"], 14);
+  EXPECT_EQ(again["fit"]["parameters"], result["fit"]["parameters"]);
   const auto bytes = read_file(out / "material.json");
   const Json material = Json::parse(reinterpret_cast<const char*>(bytes.data()),
                                     reinterpret_cast<const char*>(bytes.data()) + bytes.size());

@@ -140,6 +140,11 @@ class ImageFit {
     fit["converged"] = false;
     fit["reason"] = "Cancelled; these are the best values so far.";
     fit["warning"] = kCancelledWarning;
+    if (state.phase <= ImagePhase::kThrow) {
+      fit["statements"].push_back(
+          "So far only cameras' poses and the throw were looked for; all other numbers are those "
+          "that the fit began with.");
+    }
     return end_.unfinished(end_.document(*scene_, parameters, state.values), std::move(fit), error);
   }
 

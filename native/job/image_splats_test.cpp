@@ -30,6 +30,28 @@ TEST(ImageSplats, TellTheSpinByTheirOwnColours) {
   EXPECT_GT(fit.at("silhouettes").at("after").at("held_out").at("iou").get<double>(), 0.97);
 }
 
+/// Splats are as wide as the pixels of a recording blur them, whatever pixels a fit compares.
+TEST(ImageSplats, TheTruthIsTheMinimumInImagesOfAnySize) {
+  for (const int finer : {1, 3}) {
+    const Folder folder;
+    (void)film_ball(folder.path, finer);
+    Json document = fit_to_splats();
+    document["scene"]["particle_separation"] = 0.04;  // the clip's own
+    document["scene"]["bodies"][0]["spin"] = {0, 0, kBallSpin};
+    document["captures"][0].erase("colours");
+    document["fit"] = {{"parameters", {"velocity"}}, {"iterations", 4}};
+    const Json result = run(document, folder.path);
+    const Json& fit = result.at("fit");
+    EXPECT_LT(fit.at("noise_scales").at("images").get<double>(), 0.05) << finer;
+    EXPECT_NEAR(value_of(result, "bodies.ball.velocity[0]"), 0.2, 1e-3) << finer;
+    EXPECT_NEAR(value_of(result, "bodies.ball.velocity[1]"), 0.1, 1e-3) << finer;
+    for (const char* when : {"before", "after"}) {
+      const Json& outlines = fit.at("silhouettes").at(when).at("fitted");
+      EXPECT_GT(outlines.at("iou").get<double>(), 0.995) << finer << when;
+    }
+  }
+}
+
 /// Nothing is taken from the first frame, which may be held out or not be there.
 TEST(ImageSplats, NeedNoFirstFrameAndAreCompared) {
   const Folder folder;

@@ -4,6 +4,7 @@
 #include "job/diagnosis/run_check.hpp"
 #include "job/diagnosis/run_diagnose.hpp"
 #include "job/documents/images_document.hpp"
+#include "job/documents/inputs.hpp"
 #include "job/fit_run.hpp"
 #include "job/image_fit.hpp"
 #include "job/run/capture_input.hpp"
@@ -14,6 +15,7 @@ namespace matterfit::job {
 
 Json run_job(const Job& job, const RunOptions& options, Interrupter& interrupter) {
   check_captures(job);
+  require_files(job);
   if (job.task == Task::kRender) return run_render(job, options, interrupter);
   if (job.task == Task::kFit && !images_of(job).empty()) {
     return run_image_fit(job, options, interrupter);

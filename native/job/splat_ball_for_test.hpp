@@ -61,8 +61,9 @@ inline Json fit_to_splats() {
   return document;
 }
 
-/// A clip of the ball that spins, drawn by the splats that particles of another separation carry.
-inline std::vector<splat::Camera> film_ball(const fs::path& folder) {
+/// A clip of the ball that spins, drawn by the splats that particles of another separation carry,
+/// in images so many times finer.
+inline std::vector<splat::Camera> film_ball(const fs::path& folder, int finer = 1) {
   const capture::Splats splats = coloured_ball();
   capture::write_splats(folder / "ball.ply", splats);
   Json truth = ball_of_splats(0.04);
@@ -71,6 +72,11 @@ inline std::vector<splat::Camera> film_ball(const fs::path& folder) {
   const Vec3d centre = turn * kBallCentre;
   std::vector<splat::Camera> cameras = {looking(centre + Vec3d(0.2, -1.5, 0.3), centre),
                                         looking(centre + Vec3d(1.6, 0.2, 0.2), centre)};
+  for (splat::Camera& camera : cameras) {
+    camera.width *= finer;
+    camera.height *= finer;
+    for (double* number : {&camera.fx, &camera.fy, &camera.cx, &camera.cy}) *number *= finer;
+  }
   film(truth, folder, cameras, [&](const auto& scene, const auto& state, const auto& camera) {
     Arena arena(2);
     const mpm::Body& body = scene.bodies.front();

@@ -26,13 +26,13 @@ def clip_name(path):
     return os.path.basename(folder) or "images"
 
 
-def photographs(cameras, places):
-    """{number of a camera: its first image} of those that are found: beside the file of the cameras, of a
-    COLMAP model also in a folder 'images' there or up to two folders above."""
+def photographs(cameras, places, images=""):
+    """{number of a camera: its first image} of those that are found: in the folder `images`, or beside the
+    file of the cameras, of a COLMAP model also in a folder 'images' there or up to two folders above."""
     cameras = os.path.abspath(cameras)
     beside = cameras if os.path.isdir(cameras) else os.path.dirname(cameras)
-    folders = [beside]
-    if not cameras.endswith(".json"):
+    folders = [absolute(images)] if images else [beside]
+    if not images and not cameras.endswith(".json"):
         above = [beside, os.path.dirname(beside), os.path.dirname(os.path.dirname(beside))]
         folders += [os.path.join(place, "images") for place in above]
     found = {}

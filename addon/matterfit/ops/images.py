@@ -45,6 +45,8 @@ class MATTERFIT_OT_import_images(MatteOptions, PlainOperator, bpy.types.Operator
                                 options={"HIDDEN"})
     up: EnumProperty(name="Up Axis", default="AUTO", items=choices.UP_AXES,
                      description="Which axis of the cameras' world points up")
+    images: StringProperty(name="Image Folder", subtype="DIR_PATH",
+                           description="Where the images lie. Empty: beside the cameras' file")
     cameras: BoolProperty(name="Add Cameras", default=True,
                           description="Add a camera object for each camera of the file, with its images "
                                       "behind what it sees")
@@ -58,7 +60,7 @@ class MATTERFIT_OT_import_images(MatteOptions, PlainOperator, bpy.types.Operator
                     "{path}: cameras are a .json file or a COLMAP model. Choose one of these."
                 ).format(path=path))
         found = import_file(context, job_images.clip_name(path), path, source="IMAGES", up=self.up,
-                            **self.mattes())
+                            images=blend_relative(self.images), **self.mattes())
         if self.cameras:
             scene = context.scene
             capture = scene.matterfit.captures[scene.matterfit.capture_index]
@@ -66,7 +68,7 @@ class MATTERFIT_OT_import_images(MatteOptions, PlainOperator, bpy.types.Operator
             seconds = (found["times"] - 1) * scene.render.fps_base / scene.render.fps
             same_rate = abs(found["duration"] - seconds) < 0.01 * seconds
             blender_cameras.show_photographs(
-                cameras, job_images.photographs(path, found["places"]),
+                cameras, job_images.photographs(path, found["places"], self.images),
                 frames.frame_range(scene)[0], found["times"] if same_rate else 1)
             camera_frames.told(capture, found["places"])
 

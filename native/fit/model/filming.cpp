@@ -293,7 +293,9 @@ class Filmer::Pass {
         view_(view),
         bar_(std::move(bar)),
         camera_(finer(view.camera, view.oversample)),
-        options_(filmer.film_.options()) {}
+        options_(filmer.film_.options()) {
+    options_.blur = view.blur;
+  }
 
   const splat::Image& render(const splat::Gaussians& gaussians) {
     return filmer_.rasteriser_.render(gaussians, camera_, options_);

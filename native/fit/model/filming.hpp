@@ -33,6 +33,7 @@ struct View {
   /// How many times finer it is drawn along each edge, before its pixels become means of these: the
   /// rasteriser blurs by half a pixel, which makes bodies of finer particles too fat.
   int oversample = 1;
+  double blur = splat::RenderOptions().blur;  ///< of the finer image, as RenderOptions has it
   /// All that is shown are splats of bodies' own, with sizes and colours of their own.
   bool by_splats = false;
 };

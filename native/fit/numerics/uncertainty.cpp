@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "base/error.hpp"
@@ -91,9 +92,12 @@ std::vector<std::string> general(const std::vector<Parameter>& parameters,
   std::vector<std::string> statements;
   const auto n = Index(parameters.size());
   MatrixXd told = MatrixXd::Zero(n, n);
+  const auto has_prior = [&](Index k) { return parameters[std::size_t(k)].prior.has_value(); };
   for (const std::vector<Index>& members : known.unseen) {
-    statements.push_back("Only a combination of " + listed(parameters, members) +
-                         " is observed. Fix one of them or give it a prior.");
+    statements.push_back("Only a combination of " + listed(parameters, members) + " is observed. " +
+                         (std::ranges::all_of(members, has_prior)
+                              ? "Their priors decide what each of them is."
+                              : "Fix one of them or give it a prior."));
     for (const Index a : members) {
       for (const Index b : members) told(a, b) = 1.0;
     }

@@ -27,7 +27,8 @@ std::vector<int> read_numbers(const JsonValue& value) {
 /// its `sparse/0` lies in.
 std::string name_of(const std::filesystem::path& cameras) {
   const auto model = capture::find_colmap(cameras);
-  std::filesystem::path folder = model ? model->folder : cameras.parent_path();
+  std::filesystem::path folder =
+      std::filesystem::absolute(model ? model->folder : cameras.parent_path()).lexically_normal();
   if (folder.filename().empty()) folder = folder.parent_path();
   while (model && folder.has_parent_path() && folder != folder.parent_path()) {
     const std::string name = folder.filename().string();

@@ -127,8 +127,12 @@ Inputs capture_inputs(const Job& job) {
   for (const ImagesDoc& images : images_of(job)) {
     flattening.add(job.document.at("captures").at(images.place), images.path, "");
     Hasher content;
-    for (const fs::path& file : capture::image_clip_files(images.cameras, images.options)) {
-      content.add(fs::is_regular_file(file) ? file_hash(file) : "not there");
+    try {
+      for (const fs::path& file : capture::image_clip_files(images.cameras, images.options)) {
+        content.add(fs::is_regular_file(file) ? file_hash(file) : "not there");
+      }
+    } catch (const Error& error) {
+      throw Error(error.kind(), images.path + ": " + error.what());
     }
     flattening.inputs[images.path + ".content"] = "content " + content.hex();
   }

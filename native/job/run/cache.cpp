@@ -2,6 +2,7 @@
 #include "job/run/cache.hpp"
 
 #include <algorithm>
+#include <fstream>
 
 #include "base/error.hpp"
 #include "job/run/state_file.hpp"
@@ -33,6 +34,10 @@ Cache::Cache(const Job& job, const Inputs& inputs, Restart restart)
                 "(--set output.folder=…).");
   }
   afresh_ = changed || restart == Restart::kAlways || manifest_.frames_done == 0;
+  std::ifstream result(folder_ / "result.json");
+  if (afresh_ || !result) return;
+  const Json old = Json::parse(result, nullptr, false);
+  if (old.is_object() && old.contains("fit")) fit_ = old.at("fit");
 }
 
 void Cache::begin(const Job& job, const Inputs& inputs, const std::vector<std::string>& kept) {

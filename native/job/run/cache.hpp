@@ -33,6 +33,10 @@ class Cache {
   [[nodiscard]] Manifest& manifest() { return manifest_; }
   [[nodiscard]] const Manifest& manifest() const { return manifest_; }
 
+  /// What a fit found whose fitted scene these results are: a run of that scene keeps it. Null: no
+  /// fit did.
+  [[nodiscard]] const Json& fit() const { return fit_; }
+
   /// Listed and of the listed size on disk.
   [[nodiscard]] bool is_sound(const std::string& path) const;
   void record(const std::string& path, bool is_result = true);
@@ -51,6 +55,7 @@ class Cache {
   std::filesystem::path folder_;
   FolderLock lock_;
   Manifest manifest_;
+  Json fit_;
   bool afresh_ = false;
 };
 

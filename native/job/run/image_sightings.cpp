@@ -247,6 +247,12 @@ void LoadedFilms::mark_splats(std::span<const fit::OwnSplats> own, const mpm::Sc
   for (ImageSighting& sighting : sightings) {
     fit::View& view = sighting.reduced.view;
     view.by_splats = fit::drawn_by_splats(own, scene.bodies.size(), view.body);
+    if (!view.by_splats) continue;
+    const double factor = std::round(sighting.camera.fx / view.camera.fx);
+    view.oversample = static_cast<int>(std::min(factor, kMostOversampled));
+    const double finer = double(view.oversample) / factor;
+    view.blur = splat::RenderOptions().blur * finer * finer;
+    sighting.oversample = 1;
   }
 }
 
@@ -273,6 +279,7 @@ fit::View ImageSighting::whole() const {
   fit::View view = reduced.view;
   view.camera = camera;
   view.oversample = oversample;
+  view.blur = splat::RenderOptions().blur;
   // The same particles by finer pixels: smaller ones would be seen as dots.
   constexpr double kSmallest = 0.05;
   view.size = std::sqrt(std::max(view.size * view.size + blur, kSmallest * kSmallest));

@@ -43,7 +43,9 @@ struct LoadedFilms {
   std::vector<std::vector<std::vector<std::uint8_t>>> seen;
   std::vector<std::string> warnings;  ///< what makes a fit doubtful, also among the statements
 
-  /// Says of each sighting whether all that it shows are splats.
+  /// Says of each sighting whether all that it shows are splats, which are drawn by the pixels of
+  /// the recording, or are blurred as by these: splats are as wide in an image as its pixels blur
+  /// them.
   void mark_splats(std::span<const fit::OwnSplats> own, const mpm::Scene& scene);
   /// fit::settle_sizes() of all sightings.
   void settle_sizes(const std::function<void(const fit::Filming&)>& film,

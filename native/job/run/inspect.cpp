@@ -55,8 +55,12 @@ Json splats_summary(const capture::Splats& splats) {
 Json inspect_folder(const std::filesystem::path& folder) {
   const auto manifest = read_manifest(folder);
   if (!manifest) {
+    const bool begun = std::filesystem::exists(folder / "result.json");
     throw_input(folder.string() +
-                ": there is no manifest.json in it; it is not the output folder of a job.");
+                (begun
+                     ? ": holds a job that did not come to its end: there is no manifest.json to "
+                       "check files by. Run the job again; it goes on."
+                     : ": there is no manifest.json in it; it is not the output folder of a job."));
   }
   Json faults = Json::array();
   Manifest found = *manifest;

@@ -331,6 +331,7 @@ class Run {
     if (extras_.finish) {
       for (const std::string& path : extras_.finish(json)) cache_->record_volatile(path);
     }
+    if (!json.contains("fit") && !cache_->fit().is_null()) json["fit"] = cache_->fit();
     const std::string text = json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
     write_file(cache_->folder() / "result.json", text);
     cache_->record_volatile("result.json");

@@ -115,9 +115,10 @@ TEST(CleanPlate, OnlyTheLargestRegionIsTheBody) {
 
 TEST(CleanPlate, AStripThinnerThanItsEdgeIsWhole) {
   Bitmap image = take(0.0, 0.0, 1);
-  for (int x = 30; x < 130; ++x) image.rgba[std::size_t(4 * (60 * kWidth + x) + 1)] = 255;
+  for (int x = 30; x < 130; ++x)
+    image.rgba[4 * (std::size_t{60} * kWidth + std::size_t(x)) + 1] = 255;
   const auto matte = CleanPlate(take(0.0, 0.0, 1)).matte(image).alpha;
-  for (int x = 30; x < 130; ++x) EXPECT_EQ(matte[std::size_t(60 * kWidth + x)], 255);
+  for (int x = 30; x < 130; ++x) EXPECT_EQ(matte[std::size_t{60} * kWidth + std::size_t(x)], 255);
   EXPECT_EQ(matte[59 * kWidth + 80], 0);
 }
 

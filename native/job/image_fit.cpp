@@ -132,7 +132,7 @@ class ImageFit {
   /// The best values of a search that was broken off; the checkpoint stays. Of one that moved
   /// weights the numbers as they were before that.
   Json cancelled(const Error& error) {
-    if (!numbers_) state_.values = best();
+    if (!numbers_) state_.values = best_values(state_);
     const fit::Parameters& parameters = numbers_ ? numbers_->parameters : scene_->parameters();
     const ImageFitState& state = numbers_ ? numbers_->state : state_;
     Json fit = image_fit_json({job_, doc_, *scene_, parameters, state, misfit_, std::nullopt, {}},
@@ -146,13 +146,6 @@ class ImageFit {
           "that the fit began with.");
     }
     return end_.unfinished(end_.document(*scene_, parameters, state.values), std::move(fit), error);
-  }
-
-  /// The values of the last step of a search that goes on, else where the last one ended.
-  [[nodiscard]] std::vector<double> best() const {
-    const bool goes_on = state_.phase != ImagePhase::kDone && state_.search;
-    if (!goes_on || state_.search->iteration == 0) return state_.values;
-    return state_.history.back().at("values").get<std::vector<double>>();
   }
 
   /// Takes up what the folder holds of this fit; where its search is done, that. Throws

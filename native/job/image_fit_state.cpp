@@ -34,6 +34,12 @@ double searched_share(double simulations, std::size_t numbers) {
   return 1.0 - std::exp2(-2.0 * simulations / usual);
 }
 
+std::vector<double> best_values(const ImageFitState& state) {
+  const bool goes_on = state.phase != ImagePhase::kDone && state.search;
+  if (!goes_on || state.search->iteration == 0) return state.values;
+  return state.history.back().at("values").get<std::vector<double>>();
+}
+
 std::string format_image_fit_state(const ImageFitState& state) {
   Json body = {{"inputs", state.inputs},
                {"phase", static_cast<int>(state.phase)},

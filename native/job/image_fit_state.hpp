@@ -51,6 +51,9 @@ struct ImageFitState {
   double seconds = 0.0;
 };
 
+/// The values of the last step of a search that goes on, else where the last one ended.
+[[nodiscard]] std::vector<double> best_values(const ImageFitState& state);
+
 /// The same as format_fit_state() and read_fit_state(), in the same file.
 [[nodiscard]] std::string format_image_fit_state(const ImageFitState& state);
 [[nodiscard]] std::optional<ImageFitState> read_image_fit_state(

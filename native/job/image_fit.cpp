@@ -43,6 +43,10 @@ constexpr std::size_t kFewestTimes = 2;
 /// kAgrees at least, is none of a throw alone.
 constexpr double kDisagrees = 4.0;
 constexpr double kAgrees = 0.1;
+/// The separation that tells what the grid makes of values, as a multiple of the fit's, and what
+/// the fit has of the difference. Outlines of bodies twice as coarse are no small change any more.
+constexpr double kCoarser = 1.26;
+constexpr double kOfCoarser = 1.0 / (kCoarser * kCoarser - 1.0);
 /// Factors at which a stiffness is tried that nothing is known of.
 constexpr double kScan[] = {1.0 / 64, 1.0 / 16, 0.25, 4.0, 16.0, 64.0};
 
@@ -453,13 +457,12 @@ class ImageFit {
     const auto change = fit::grid_change(
         state_.search->residual,
         [&] {
-          return scene_->residuals_at(fit::kCoarser, state_.values, kNarrow,
+          return scene_->residuals_at(kCoarser, state_.values, kNarrow,
                                       [this] { settle_as_kept(); });
         },
         statements_);
     if (change) {
-      fit::add_grid_error(search_->parameters(), *state_.search, *change, fit::kOfCoarser, 0.0,
-                          known);
+      fit::add_grid_error(search_->parameters(), *state_.search, *change, kOfCoarser, 0.0, known);
     }
     return known;
   }

@@ -40,7 +40,7 @@ std::optional<Eigen::VectorXd> grid_change(const Eigen::VectorXd& fine,
   } catch (const Error& error) {
     if (error.kind() != ErrorKind::kInput && error.kind() != ErrorKind::kCompute) throw;
     statements.push_back(
-        std::string("What the grid makes of the values is not known: with twice the particle "
+        std::string("What the grid makes of the values is not known: with a larger particle "
                     "separation the scene could not be simulated (") +
         error.what() + ")");
     return std::nullopt;

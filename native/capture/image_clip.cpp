@@ -334,7 +334,8 @@ ImageClip read_image_clip(const fs::path& cameras, const ImageClipOptions& optio
   if (set.folder.empty()) {
     throw_input(set.source + ": its images were not found: '" + set.shots.front().image +
                 "' lies neither beside the model nor in a folder 'images' there or up to two "
-                "folders above. Name the folder that holds them as the capture's 'images'.");
+                "folders above. Name the folder that holds them as the capture's 'images' "
+                "(Image Folder).");
   }
   statements.insert(statements.end(), set.notes.begin(), set.notes.end());
   const std::vector<double> times = times_of(set, options);

@@ -102,7 +102,8 @@ void check_captures(const Job& job) {
     throw_input("captures: a diagnosis looks at tracks, and these are images.");
   }
   const bool by_tracks = job.task == Task::kDiagnose || job.task == Task::kCheck;
-  if (by_tracks || (job.task == Task::kFit && !images)) require_tracks(job);
+  // Without a section `fit` that is what is missing.
+  if (job.fit && (by_tracks || (job.task == Task::kFit && !images))) require_tracks(job);
 }
 
 void require_tracks(const Job& job) {

@@ -154,9 +154,16 @@ Json write_unfinished(const Unfinished& of, Json fit, const Error& why) {
   return result;
 }
 
-void throw_not_simulated(const std::filesystem::path& folder, const Error& why) {
-  throw_compute("The fit is done, and its values are in " + folder.generic_string() +
-                "/result.json, but the fitted scene could not be simulated: " + why.what());
+Json run_or_unfinished(const Unfinished& of, const Json& fit, const std::function<Json()>& run) {
+  try {
+    return run();
+  } catch (const Error& error) {
+    if (error.kind() == ErrorKind::kCancelled) return write_unfinished(of, fit, error);
+    if (error.kind() != ErrorKind::kCompute) throw;
+    (void)write_unfinished(of, fit, error);
+    throw_compute("The fit is done, and its values are in " + of.folder.generic_string() +
+                  "/result.json, but the fitted scene could not be simulated: " + error.what());
+  }
 }
 
 }  // namespace matterfit::job

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
@@ -68,7 +69,9 @@ struct Unfinished {
 /// its `status` "cancelled" or "failed" as `why` is.
 Json write_unfinished(const Unfinished& of, Json fit, const Error& why);
 
-/// Throws Error(kCompute): the fit is done, but its scene could not be simulated, and `why`.
-[[noreturn]] void throw_not_simulated(const std::filesystem::path& folder, const Error& why);
+/// What `run`, the run of the fitted scene, returns; where it is cancelled write_unfinished().
+/// Where the scene cannot be simulated that too, and throws Error(kCompute), which says where the
+/// values are.
+Json run_or_unfinished(const Unfinished& of, const Json& fit, const std::function<Json()>& run);
 
 }  // namespace matterfit::job

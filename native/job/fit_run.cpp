@@ -348,16 +348,8 @@ class FitJob {
     RunOptions options = options_;
     if (options.restart == Restart::kNever) options.restart = Restart::kWhereChanged;
     lock_.reset();  // the run takes it again
-    try {
-      return run_scenes(fitted, options, interrupter_, extras);
-    } catch (const Error& error) {
-      if (error.kind() == ErrorKind::kCompute) {
-        (void)unfinished(scene, std::move(fit), error);
-        throw_not_simulated(folder_, error);
-      }
-      if (error.kind() != ErrorKind::kCancelled) throw;
-      return unfinished(scene, std::move(fit), error);
-    }
+    return run_or_unfinished({folder_, scene, bodies(), target_}, fit,
+                             [&] { return run_scenes(fitted, options, interrupter_, extras); });
   }
 
   /// The best so far of a search that was broken off; the checkpoint stays.
@@ -394,12 +386,8 @@ class FitJob {
     Json fit = fit_json(law, of, std::nullopt);
     fit["after"] = after.json();
     fit["warning"] = kCancelledWarning;
-    return unfinished(job_from(document), std::move(fit),
-                      Error(ErrorKind::kCancelled, "Cancelled."));
-  }
-
-  Json unfinished(const Job& scene, Json fit, const Error& why) const {
-    return write_unfinished({folder_, scene, bodies(), target_}, std::move(fit), why);
+    return write_unfinished({folder_, job_from(document), bodies(), target_}, std::move(fit),
+                            Error(ErrorKind::kCancelled, "Cancelled."));
   }
 
   const Job& job_;

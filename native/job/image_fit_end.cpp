@@ -42,23 +42,17 @@ Json FittedImages::simulate(const Json& document, const Json& fit, Interrupter& 
   };
   RunOptions options = options_;
   if (options.restart == Restart::kNever) options.restart = Restart::kWhereChanged;
-  try {
-    return run_scenes(fitted, options, interrupter, extras);
-  } catch (const Error& error) {
-    if (error.kind() == ErrorKind::kCompute) {
-      (void)unfinished(document, fit, error);
-      throw_not_simulated(job_.output.folder, error);
-    }
-    if (error.kind() != ErrorKind::kCancelled) throw;
-    return unfinished(document, fit, error);
-  }
+  return run_or_unfinished(unrun(scene), fit,
+                           [&] { return run_scenes(fitted, options, interrupter, extras); });
 }
 
 Json FittedImages::unfinished(const Json& document, Json fit, const Error& why) const {
   const Job scene = job_of(document);
-  return write_unfinished(
-      {job_.output.folder, scene, bodies_of(scene), resolve_target(options_.target)},
-      std::move(fit), why);
+  return write_unfinished(unrun(scene), std::move(fit), why);
+}
+
+Unfinished FittedImages::unrun(const Job& scene) const {
+  return {job_.output.folder, scene, bodies_of(scene), resolve_target(options_.target)};
 }
 
 Job FittedImages::job_of(const Json& document) const {

@@ -8,6 +8,7 @@
 #include "base/interrupter.hpp"
 #include "job/documents/document.hpp"
 #include "job/documents/fit_document.hpp"
+#include "job/fit_files.hpp"
 #include "job/image_experiment.hpp"
 #include "job/run/run_options.hpp"
 
@@ -36,6 +37,7 @@ class FittedImages {
 
  private:
   [[nodiscard]] Job job_of(const Json& document) const;
+  [[nodiscard]] Unfinished unrun(const Job& scene) const;
   [[nodiscard]] std::vector<std::string> bodies_of(const Job& scene) const;
 
   const Job& job_;

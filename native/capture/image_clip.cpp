@@ -266,8 +266,7 @@ void state_mattes(const ImageClip& clip, const std::vector<OddMattes>& odd,
     if (of.kept < kMostlyOthers) {
       statements.push_back(fmt::format(
           "{}: camera {}: {} several regions, of which the largest is the matte; in {} it is "
-          "{:.0f} "
-          "% of them. Look whether it is the body; {} tells it from the rest.",
+          "{:.0f} % of them. Look whether it is the body; {} tells it from the rest.",
           clip.source, k, options.key ? "the key takes" : "what differs from the plate are",
           of.least, 100.0 * of.kept,
           options.key ? "another colour, or a narrower 'range'," : "a higher 'threshold'"));

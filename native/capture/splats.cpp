@@ -206,7 +206,7 @@ bool is_of_splats(const std::filesystem::path& path) {
   std::ifstream file(path, std::ios::binary);
   file.read(header.data(), static_cast<std::streamsize>(kHeader));
   header.resize(std::min(header.size(), header.find("end_header")));
-  return header.find("packed_position") != std::string::npos ||
+  return is_packed(std::as_bytes(std::span(header))) ||
          header.find(" opacity") != std::string::npos;
 }
 

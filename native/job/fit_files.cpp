@@ -8,7 +8,6 @@
 #include "job/documents/manifest.hpp"
 #include "job/fit_checkpoint.hpp"
 #include "job/fit_report.hpp"
-#include "job/run/run_options.hpp"
 
 namespace matterfit::job {
 namespace {

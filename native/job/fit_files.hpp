@@ -69,9 +69,9 @@ struct Unfinished {
 /// its `status` "cancelled" or "failed" as `why` is.
 Json write_unfinished(const Unfinished& of, Json fit, const Error& why);
 
-/// What `run`, the run of the fitted scene, returns; where it is cancelled write_unfinished().
-/// Where the scene cannot be simulated that too, and throws Error(kCompute), which says where the
-/// values are.
+/// Runs the fitted scene by `run` and returns its result. A run that is cancelled ends as
+/// write_unfinished(); one that cannot be simulated too, and throws Error(kCompute), which says
+/// where the values are.
 Json run_or_unfinished(const Unfinished& of, const Json& fit, const std::function<Json()>& run);
 
 }  // namespace matterfit::job

@@ -478,7 +478,7 @@ class ImageFit {
   fit::ImageProblem::Misfit misfit_{kNoMisfit, kNoMisfit, kNoMisfit};
   ImageFitState state_;
   bool resumed_ = false;
-  /// Where the search ended before weights were moved.
+  /// The fit as it stood before weights were moved.
   struct Numbers {
     fit::Parameters parameters;
     ImageFitState state;

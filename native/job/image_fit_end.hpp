@@ -17,7 +17,7 @@ namespace matterfit::job {
 /// The share of a fit's progress that its search is.
 inline constexpr double kImageFitShare = 0.9;
 
-/// What becomes of a fit to images whose search has ended or was broken off. All is borrowed.
+/// The end of a fit to images whose search is done or was broken off. All is borrowed.
 class FittedImages {
  public:
   FittedImages(const Job& job, const FitDoc& fit, const RunOptions& options)

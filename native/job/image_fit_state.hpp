@@ -23,7 +23,7 @@ enum class ImagePhase : int {
   kDone,         ///< errors of the values are left
 };
 
-/// What a simulation of a phase costs of one of all images.
+/// The cost of a simulation of a phase, as a share of one in which all images are drawn.
 [[nodiscard]] double cost_of(ImagePhase phase);
 /// About how much of a fit's searches is done, 0 to 1: after simulations that cost as much as
 /// `simulations` of all images, with so many numbers that are fitted.

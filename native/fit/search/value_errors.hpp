@@ -20,7 +20,8 @@ inline constexpr double kCoarser = 2.0;
 inline constexpr double kOfCoarser = 1.0 / (kCoarser * kCoarser - 1.0);
 
 /// The change that add_grid_error() takes: `residuals`, those at a larger separation, less `fine`.
-/// Where they throw Error(kInput) or Error(kCompute) `statements` says so, and there is nothing.
+/// Residuals that throw Error(kInput) or Error(kCompute) are told in `statements`: there is nothing
+/// then.
 [[nodiscard]] std::optional<Eigen::VectorXd> grid_change(
     const Eigen::VectorXd& fine, const std::function<Eigen::VectorXd()>& residuals,
     std::vector<std::string>& statements);

@@ -98,7 +98,7 @@ Json inspect_folder(const std::filesystem::path& folder) {
 }
 
 Json capture_summary(const std::filesystem::path& path, const Json& options) {
-  if (options.contains("cameras") || path.extension() == ".json") {
+  if (options.contains("cameras") || path.extension() == ".json" || capture::find_colmap(path)) {
     return image_summary(path, options);
   }
   // The keys of a capture; the file is named apart, and no scene is needed.
@@ -120,7 +120,8 @@ Json capture_summary(const std::filesystem::path& path, const Json& options) {
   read.markers = doc.markers;
   for (int i = 0; i < 4; ++i) {
     for (int j = 0; j < 4; ++j) {
-      read.transform(i, j) = doc.transform[static_cast<std::size_t>(4 * i + j)];
+      read.transform(i, j) =
+          doc.transform[4 * static_cast<std::size_t>(i) + static_cast<std::size_t>(j)];
     }
   }
   const capture::Tracks tracks = capture::read_tracks(doc.file, read);
@@ -158,7 +159,6 @@ Json capture_summary(const std::filesystem::path& path, const Json& options) {
 
 Json file_summary(const std::filesystem::path& path) {
   if (capture::is_of_splats(path)) return splats_summary(capture::read_splats(path));
-  if (capture::find_colmap(path)) return image_summary(path, Json::object());
   return capture_summary(path, Json::object());
 }
 

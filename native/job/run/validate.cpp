@@ -13,7 +13,6 @@
 #include "base/parallel.hpp"
 #include "job/documents/capture_scene.hpp"
 #include "job/documents/fit_document.hpp"
-#include "job/documents/images_document.hpp"
 #include "job/documents/inputs.hpp"
 #include "job/run/build_scene.hpp"
 #include "job/run/capture_input.hpp"
@@ -92,11 +91,13 @@ void read_captures(const Job& job, const mpm::Scene& scene, std::vector<std::str
       (void)load_capture(one, k, clouds);
     }
   }
-  if (job.task != Task::kFit && job.task != Task::kCompare) return;  // they look at tracks alone
-  const FilmUse fitted = job.captures.empty() ? FilmUse::kFitted : FilmUse::kBesideMore;
-  if (images_of(job).empty()) return;
-  (void)load_films(job, scene, job.task == Task::kFit ? fitted : FilmUse::kCompared, statements,
-                   interrupter);
+  // The other tasks look at tracks alone.
+  if (job.task == Task::kCompare) {
+    (void)load_films(job, scene, FilmUse::kCompared, statements, interrupter);
+  } else if (job.task == Task::kFit) {
+    const FilmUse use = job.captures.empty() ? FilmUse::kFitted : FilmUse::kBesideMore;
+    (void)load_films(job, scene, use, statements, interrupter);
+  }
 }
 
 }  // namespace
